@@ -1,0 +1,43 @@
+//! Where the planes of a turn live. A turn is 21 MB and a controller has kilobytes, so pixels never pass through the core:
+//! it moves handles, and the store (memory in the simulator, an FPGA's frame store on a board) keeps and expands the planes.
+
+/// One of the store's slots for a turn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct TurnHandle(pub u8);
+
+/// What the projector shows during one plane.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Plane {
+    /// Nothing.
+    #[default]
+    Dark,
+    /// Slice `slice` of the turn in slot `turn`.
+    Slice {
+        /// The slot.
+        turn: TurnHandle,
+        /// The slice, below the rotation's `slices`.
+        slice: u16,
+    },
+}
+
+/// Two turns, one of which may be on screen while the other is filled.
+///
+/// The order of a turn's life: [`begin`](Self::begin), [`write`](Self::write) for every slice, [`finish`](Self::finish), then the
+/// sequencer shows it from the next index on, and hands the slot of the turn before it back through [`release`](Self::release).
+/// A slot on screen is never written.
+pub trait PlaneStore {
+    /// Why a plane or a turn was refused.
+    type Error;
+
+    /// A slot for a new turn.
+    fn begin(&mut self) -> Result<TurnHandle, Self::Error>;
+
+    /// Expands `compressed` into slice `slice` of the turn in `turn`.
+    fn write(&mut self, turn: TurnHandle, slice: u16, compressed: &[u8]) -> Result<(), Self::Error>;
+
+    /// The turn is whole and may be shown. Refused where a slice is missing.
+    fn finish(&mut self, turn: TurnHandle) -> Result<(), Self::Error>;
+
+    /// The slot may be filled again.
+    fn release(&mut self, turn: TurnHandle);
+}

@@ -1,0 +1,1 @@
+//! The world around the firmware: seeded, deterministic, one clock.

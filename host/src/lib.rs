@@ -1,0 +1,1 @@
+//! Praxinoscope's host library.
