@@ -151,6 +151,11 @@ impl Controller {
         }
     }
 
+    /// The estimator, for telemetry and tests.
+    pub fn rotation(&self) -> &RotationEstimator {
+        &self.rotation
+    }
+
     /// What it was built with.
     pub fn config(&self) -> &Config {
         &self.config
@@ -186,6 +191,7 @@ impl Controller {
         } else {
             0.0
         };
+        self.actuator.command(self.torque);
         self.arm(now, output);
     }
 

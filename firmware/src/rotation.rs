@@ -213,6 +213,12 @@ impl RotationEstimator {
         self.speed
     }
 
+    #[doc(hidden)]
+    pub fn debug(&self) -> std::string::String {
+        let sd: std::vec::Vec<f32> = (0..9).map(|i| self.covariance.variance(i).sqrt()).map(|v| (v * 1e6).round() * 1e-6).collect();
+        std::format!("brake {:.3} yield {:.4} zero {:.4} ecc {:?} imb {:?} anch {} idx {} ref {} | sd {:?}", self.brake, self.relative_yield, self.encoder_zero.turns()*288.0, self.eccentricity, self.imbalance, self.anchored, self.health.index_accepted, self.health.encoder_refused, sd)
+    }
+
     /// Whether the mirror turns.
     pub fn is_moving(&self) -> bool {
         self.moving
