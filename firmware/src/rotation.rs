@@ -22,7 +22,8 @@ const ECCENTRIC_COS: usize = 5;
 const ECCENTRIC_SIN: usize = 6;
 const IMBALANCE_COS: usize = 7;
 const IMBALANCE_SIN: usize = 8;
-const STATES: usize = 9;
+const DRAG: usize = 9;
+const STATES: usize = 10;
 
 /// What an index pulse meant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,6 +60,7 @@ pub struct RotationEstimator {
     speed: f32,
     brake: f32,
     relative_yield: f32,
+    relative_drag: f32,
     eccentricity: [f32; 2],
     imbalance: [f32; 2],
     sine: f32,
@@ -84,6 +86,7 @@ struct Noise {
 struct Health {
     ticks_outside: u32,
     encoder_refused: u32,
+    last_side: bool,
     index_refused: u32,
     index_accepted: u32,
     last_refused_index: Nanos,
@@ -108,7 +111,7 @@ impl RotationEstimator {
                 edge_variance: edge * edge,
                 count_variance: count_rad * count_rad / 12.0 + edge * edge,
                 index_jitter_s: sensors.index_jitter_s.max(2e-8),
-                floor: [1e-13, 1e-10, 1e-9, 1e-9, 1e-13, 1e-13, 1e-13, 1e-9, 1e-9],
+                floor: [1e-13, 1e-10, 1e-9, 1e-9, 1e-13, 1e-13, 1e-13, 1e-9, 1e-9, 1e-9],
             },
             sign: match config.rotation.direction() {
                 Direction::CounterClockwise => 1,
@@ -132,6 +135,7 @@ impl RotationEstimator {
             speed: 0.0,
             brake: 0.0,
             relative_yield: 1.0,
+            relative_drag: 1.0,
             eccentricity: [0.0; 2],
             imbalance: [0.0; 2],
             sine: 0.0,
@@ -169,7 +173,7 @@ impl RotationEstimator {
         if self.window.is_still() && self.speed.abs() < 3.0 {
             self.rest();
         } else if !self.encoder_is_silent() {
-            self.see_count();
+            self.see_count(counts, seconds);
         }
     }
 
@@ -215,8 +219,13 @@ impl RotationEstimator {
 
     #[doc(hidden)]
     pub fn debug(&self) -> std::string::String {
-        let sd: std::vec::Vec<f32> = (0..9).map(|i| self.covariance.variance(i).sqrt()).map(|v| (v * 1e6).round() * 1e-6).collect();
+        let sd: std::vec::Vec<f32> = (0..10).map(|i| self.covariance.variance(i).sqrt()).map(|v| (v * 1e6).round() * 1e-6).collect();
         std::format!("brake {:.3} yield {:.4} zero {:.4} ecc {:?} imb {:?} anch {} idx {} ref {} | sd {:?}", self.brake, self.relative_yield, self.encoder_zero.turns()*288.0, self.eccentricity, self.imbalance, self.anchored, self.health.index_accepted, self.health.encoder_refused, sd)
+    }
+
+    /// The relative standard deviation of the estimated inertia.
+    pub fn sigma_inertia(&self) -> f32 {
+        libm::sqrtf(self.covariance.variance(YIELD).max(0.0)) / self.relative_yield
     }
 
     /// Whether the mirror turns.
@@ -255,20 +264,21 @@ impl RotationEstimator {
         let (sine, cosine) = sin_cos(angle);
         let against = if speed < 0.0 { -1.0 } else { 1.0 };
         let wanted = acceleration + against * self.brake + self.wobble(sine, cosine);
-        wanted / self.acceleration_per_torque() + (self.viscous + self.drag * speed.abs()) * speed
+        wanted / self.acceleration_per_torque() + self.relative_drag * (self.viscous + self.drag * speed.abs()) * speed
     }
 
     /// The acceleration that `torque_nm` makes at `speed`, rad/s², without imbalance.
     pub fn acceleration_for(&self, torque_nm: f32, speed: f32) -> f32 {
         let against = if speed < 0.0 { -1.0 } else { 1.0 };
-        let net_nm = torque_nm - (self.viscous + self.drag * speed.abs()) * speed;
+        let net_nm = torque_nm - self.relative_drag * (self.viscous + self.drag * speed.abs()) * speed;
         net_nm * self.acceleration_per_torque() - against * self.brake
     }
 
     fn predict(&mut self, seconds: f32, torque_nm: f32) {
         let speed = self.speed;
-        let net_nm = torque_nm - (self.viscous + self.drag * speed.abs()) * speed;
-        let per_yield = self.nominal_yield * net_nm;
+        let nominal_drag_nm = (self.viscous + self.drag * speed.abs()) * speed;
+        let per_yield = self.nominal_yield * (torque_nm - self.relative_drag * nominal_drag_nm);
+        let per_drag = -self.acceleration_per_torque() * nominal_drag_nm;
         let against = if speed < 0.0 { -1.0 } else { 1.0 };
         self.acceleration =
             self.relative_yield * per_yield - against * self.brake - self.wobble(self.sine, self.cosine);
@@ -282,12 +292,14 @@ impl RotationEstimator {
                 [
                     (BRAKE, -against * seconds),
                     (YIELD, per_yield * seconds),
+                    (DRAG, per_drag * seconds),
                     (IMBALANCE_COS, -self.cosine * seconds),
                     (IMBALANCE_SIN, -self.sine * seconds),
                 ],
             );
         } else {
-            self.covariance.shear(SPEED, [(BRAKE, -against * seconds), (YIELD, per_yield * seconds)]);
+            let terms = [(BRAKE, -against * seconds), (YIELD, per_yield * seconds), (DRAG, per_drag * seconds)];
+            self.covariance.shear(SPEED, terms);
         }
         self.covariance.shear(ANGLE, [(SPEED, seconds)]);
         self.drift(seconds);
@@ -297,10 +309,11 @@ impl RotationEstimator {
     fn drift(&mut self, seconds: f32) {
         // Cogging and ripple move the speed by their torque over their frequency, and do not add up.
         self.covariance.widen(SPEED, 4e-5 * seconds);
-        // Friction changes with speed in ways that the nominal figures miss by half: it changes as fast as the speed does.
-        let brake = 0.03 + 0.03 * self.acceleration.abs();
+        // Friction changes with speed in ways that no figure names.
+        let brake = 0.03 + 0.005 * self.acceleration.abs();
         self.covariance.widen(BRAKE, brake * brake * seconds);
         self.covariance.widen(YIELD, 1e-7 * seconds);
+        self.covariance.widen(DRAG, 1e-6 * seconds);
         self.covariance.widen(ZERO, 1e-11 * seconds);
         if self.anchored {
             for state in [ECCENTRIC_COS, ECCENTRIC_SIN] {
@@ -312,7 +325,7 @@ impl RotationEstimator {
         }
     }
 
-    fn see_count(&mut self) {
+    fn see_count(&mut self, counts: i32, seconds: f32) {
         let (gain, variance) = self.covariance.seen_through([
             (ANGLE, 1.0),
             (ZERO, 1.0),
@@ -333,8 +346,13 @@ impl RotationEstimator {
         }
         self.health.encoder_refused = 0;
         if variance > 0.04 * self.count_rad * self.count_rad {
-            let total = variance + self.noise.count_variance;
-            self.correct(&gain, (half - within) / total, 1.0 / total);
+            if counts != 0 {
+                // Just after a slow count the mirror is near the edge that it passed, not in the middle between two.
+                let passed = half.min(0.5 * self.speed.abs() * seconds);
+                let place = if self.speed < 0.0 { self.count_rad - passed } else { passed };
+                let total = variance + self.noise.count_variance;
+                self.correct(&gain, (place - within) / total, 1.0 / total);
+            }
             return;
         }
         // The count says on which side of the nearest edge the mirror is. How far inside, in sigmas:
@@ -343,8 +361,14 @@ impl RotationEstimator {
             self.health.ticks_outside = 0;
             return;
         }
+        let lower = within < half;
+        if counts == 0 && self.health.last_side == lower {
+            // The same edge from the same side has the same error as before, and tells nothing new.
+            return;
+        }
+        self.health.last_side = lower;
         let pull = inverse_mills(depth);
-        let inward = if within < half { 1.0 } else { -1.0 };
+        let inward = if lower { 1.0 } else { -1.0 };
         self.correct(&gain, inward * pull / sigma, pull * (pull + depth) / total);
         self.notice_manoeuvre(depth);
     }
@@ -401,7 +425,7 @@ impl RotationEstimator {
         self.imbalance = [0.0; 2];
         let count = self.count_rad * self.count_rad;
         let brake = 0.5 * self.nominal_brake + 1.0;
-        self.covariance = Covariance::diagonal([1e-8, 0.25, brake * brake, 0.3, count, 4e-6, 4e-6, 9.0, 9.0]);
+        self.covariance = Covariance::diagonal([1e-8, 0.25, brake * brake, 0.3, count, 4e-6, 4e-6, 9.0, 9.0, 0.25]);
     }
 
     fn rest(&mut self) {
@@ -438,7 +462,7 @@ impl RotationEstimator {
         self.health = Health::default();
         let count = self.count_rad * self.count_rad;
         let brake = 0.5 * self.nominal_brake + 1.0;
-        self.covariance = Covariance::diagonal([count, sigma * sigma, brake * brake, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        self.covariance = Covariance::diagonal([count, sigma * sigma, brake * brake, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.25]);
     }
 
     fn correct(&mut self, gain: &[f32; STATES], amount: f32, share: f32) {
@@ -447,6 +471,7 @@ impl RotationEstimator {
         self.speed += gain[SPEED] * amount;
         self.brake += gain[BRAKE] * amount;
         self.relative_yield = (self.relative_yield + gain[YIELD] * amount).clamp(0.2, 5.0);
+        self.relative_drag = (self.relative_drag + gain[DRAG] * amount).clamp(-1.0, 5.0);
         self.eccentricity[0] += gain[ECCENTRIC_COS] * amount;
         self.eccentricity[1] += gain[ECCENTRIC_SIN] * amount;
         self.imbalance[0] += gain[IMBALANCE_COS] * amount;

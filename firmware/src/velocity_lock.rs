@@ -48,6 +48,7 @@ pub struct VelocityLock {
     error: f32,
     rate: f32,
     saturated_ticks: u32,
+    probe_left_s: f32,
 }
 
 /// Bandwidth of the feedback. Six hertz is slow against the millisecond of delay, and fast against what the model leaves out.
@@ -59,6 +60,12 @@ const PLAN_SHARE: f32 = 0.95;
 /// A landing is planned when this share of the speed is left. Earlier wastes torque that drag does not need yet; later leaves fewer
 /// places to choose from.
 const PLAN_BELOW: f32 = 0.3;
+/// Inertia and friction look the same under constant torque, and a landing that mistakes one for the other is off by as much as the
+/// torque changes. So a rush dips to this share for a moment where inertia is not known to this relative precision.
+const PROBE_SHARE: f32 = 0.5;
+const PROBE_S: f32 = 0.025;
+const PROBE_BELOW: f32 = 0.4;
+const PROBE_PRECISION: f32 = 0.015;
 /// Indices that must have agreed with the encoder before a landing is planned.
 const INDICES_BEFORE_PLAN: u32 = 3;
 /// From this many slices away a mirror in step is brought back on a planned way.
@@ -79,6 +86,7 @@ impl VelocityLock {
             error: 0.0,
             rate: 0.0,
             saturated_ticks: 0,
+            probe_left_s: 0.0,
         }
     }
 
@@ -137,10 +145,16 @@ impl VelocityLock {
 
     fn change_phase(&mut self, mirror: &RotationEstimator, reference: Reference) {
         match self.phase {
-            Phase::Off => self.phase = Phase::Rush,
+            Phase::Off => {
+                self.phase = Phase::Rush;
+                self.probe_left_s = PROBE_S;
+            }
             Phase::Rush => {
                 let near = self.rate.abs() < PLAN_BELOW * reference.speed;
-                if near && mirror.is_anchored(INDICES_BEFORE_PLAN) {
+                let probing = self.wants_probe(mirror, reference);
+                if probing {
+                    self.probe_left_s -= self.tick_s;
+                } else if near && mirror.is_anchored(INDICES_BEFORE_PLAN) {
                     self.plan(mirror, reference);
                 }
             }
@@ -157,6 +171,13 @@ impl VelocityLock {
                 }
             }
         }
+    }
+
+    fn wants_probe(&self, mirror: &RotationEstimator, reference: Reference) -> bool {
+        let rate = self.rate.abs();
+        let begun = self.probe_left_s < PROBE_S;
+        let due = begun || (rate < PROBE_BELOW * reference.speed && mirror.sigma_inertia() > PROBE_PRECISION);
+        due && self.probe_left_s > 0.0 && rate > 0.1 * reference.speed && mirror.is_anchored(1)
     }
 
     fn has_strayed(&self, place: Waypoint) -> bool {
@@ -207,7 +228,8 @@ impl VelocityLock {
             let holding = mirror.torque_for(0.0, mirror.speed(), mirror.angle());
             return holding + share * (RUSH_SHARE * self.torque_max_nm - holding.abs()).max(0.0);
         }
-        share * RUSH_SHARE * self.torque_max_nm
+        let probing = if self.wants_probe(mirror, reference) { PROBE_SHARE } else { 1.0 };
+        share * probing * RUSH_SHARE * self.torque_max_nm
     }
 
     fn follow(
