@@ -89,6 +89,7 @@ struct Health {
     ticks_outside: u32,
     encoder_refused: u32,
     last_side: bool,
+    outside: f32,
     index_refused: u32,
     index_accepted: u32,
     last_refused: Turns,
@@ -193,13 +194,21 @@ impl RotationEstimator {
         }
         let innovation = -radians_between(Turns::ZERO, angle);
         let jitter = self.noise.index_jitter_s * self.speed.abs();
-        let (gain, variance) = self.covariance.seen_through([(ANGLE, 1.0), (SPEED, since_tick)]);
         // A mirror that hardly moves jitters by the width of the index mark, not by its time.
-        let total = variance + jitter * jitter + 1e-10;
-        let gate = GATE_SIGMAS * libm::sqrtf(total) + 2e-5;
-        if innovation.abs() > gate {
-            return self.refuse_index(angle);
+        let noise = jitter * jitter + 1e-10;
+        let terms = [(ANGLE, 1.0), (SPEED, since_tick)];
+        let (mut gain, mut variance) = self.covariance.seen_through(terms);
+        let surprise = innovation * innovation;
+        if surprise > GATE_SIGMAS * GATE_SIGMAS * (variance + noise) + 4e-10 {
+            // A pulse that means nothing hardly ever comes within a count of where the index is: this one is real, and something has
+            // pushed the mirror since the last one.
+            if innovation.abs() > self.count_rad.max(6e-3) {
+                return self.refuse_index(angle);
+            }
+            self.expect_push(surprise);
+            (gain, variance) = self.covariance.seen_through(terms);
         }
+        let total = variance + noise;
         self.correct(&gain, innovation / total, 1.0 / total);
         self.health.index_refused = 0;
         self.health.index_accepted = self.health.index_accepted.saturating_add(1);
@@ -224,8 +233,20 @@ impl RotationEstimator {
 
     #[doc(hidden)]
     pub fn debug(&self) -> std::string::String {
-        let sd: std::vec::Vec<f32> = (0..10).map(|i| self.covariance.variance(i).sqrt()).map(|v| (v * 1e6).round() * 1e-6).collect();
-        std::format!("brake {:.3} yield {:.4} zero {:.4} ecc {:?} imb {:?} anch {} idx {} ref {} | sd {:?}", self.brake, self.relative_yield, self.encoder_zero.turns()*288.0, self.eccentricity, self.imbalance, self.anchored, self.health.index_accepted, self.health.encoder_refused, sd)
+        let sd: std::vec::Vec<f32> =
+            (0..10).map(|i| self.covariance.variance(i).sqrt()).map(|v| (v * 1e6).round() * 1e-6).collect();
+        std::format!(
+            "brake {:.3} yield {:.4} zero {:.4} ecc {:?} imb {:?} anch {} idx {} ref {} | sd {:?}",
+            self.brake,
+            self.relative_yield,
+            self.encoder_zero.turns() * 288.0,
+            self.eccentricity,
+            self.imbalance,
+            self.anchored,
+            self.health.index_accepted,
+            self.health.encoder_refused,
+            sd
+        )
     }
 
     /// The relative standard deviation of the estimated inertia.
@@ -347,11 +368,13 @@ impl RotationEstimator {
         let total = variance + self.noise.edge_variance;
         let sigma = libm::sqrtf(total);
         let outside = (within - half).abs() - half;
-        if outside > GATE_SIGMAS * sigma && outside > 0.25 * self.count_rad {
+        let jumped = self.health.outside < 0.05 * self.count_rad && outside > GATE_SIGMAS * sigma;
+        if (jumped || self.health.encoder_refused > 0) && outside > 0.25 * self.count_rad {
             self.refuse_count(within);
             return;
         }
         self.health.encoder_refused = 0;
+        self.health.outside = outside;
         if variance > 0.09 * self.count_rad * self.count_rad {
             if counts != 0 {
                 // Just after a slow count the mirror is near the edge that it passed, not in the middle between two.
@@ -380,15 +403,23 @@ impl RotationEstimator {
         self.notice_manoeuvre(depth);
     }
 
-    /// Something pushes the mirror that the model does not know, or the encoder has slipped by less than the gate: learn faster.
+    /// Four surprising counts in a row are no noise.
     fn notice_manoeuvre(&mut self, depth: f32) {
         self.health.ticks_outside = if depth < -3.0 { self.health.ticks_outside + 1 } else { 0 };
         if self.health.ticks_outside >= 4 {
             self.health.ticks_outside = 0;
-            self.covariance.widen(BRAKE, 1.0);
-            self.covariance.widen(SPEED, 1e-4);
-            self.covariance.widen(ZERO, 0.01 * self.count_rad * self.count_rad);
+            self.expect_push(0.01 * self.count_rad * self.count_rad);
         }
+    }
+
+    /// Something that the model does not know has moved the mirror by the root of `surprise` since the last index: learn faster.
+    fn expect_push(&mut self, surprise: f32) {
+        let seconds = (self.health.radians_since_index / self.speed.abs().max(0.1)).clamp(0.005, 0.2);
+        let speed = surprise / (seconds * seconds);
+        self.covariance.widen(ANGLE, surprise);
+        self.covariance.widen(SPEED, 4.0 * speed);
+        self.covariance.widen(BRAKE, 4.0 * speed / (seconds * seconds));
+        self.covariance.widen(ZERO, 0.25 * surprise);
     }
 
     fn refuse_count(&mut self, within: f32) {
@@ -492,7 +523,8 @@ impl RotationEstimator {
         let count = self.count_rad * self.count_rad;
         // The brake also stands for an inertia that is half of what was said.
         let brake = self.nominal_yield * self.torque_max_nm;
-        self.covariance = Covariance::diagonal([count, sigma * sigma, brake * brake, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        self.covariance =
+            Covariance::diagonal([count, sigma * sigma, brake * brake, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     }
 
     fn correct(&mut self, gain: &[f32; STATES], amount: f32, share: f32) {
