@@ -89,7 +89,7 @@ struct Health {
     ticks_outside: u32,
     encoder_refused: u32,
     last_side: bool,
-    outside: f32,
+    radians_since_slip: f32,
     index_refused: u32,
     index_accepted: u32,
     last_refused: Turns,
@@ -99,6 +99,11 @@ struct Health {
 
 /// A count further outside than this many sigmas is no noise.
 const GATE_SIGMAS: f32 = 6.0;
+/// Closer than this to where it was expected, an index pulse is believed whatever the estimate says: chance would put one of 300 here.
+const NEAR_INDEX_RAD: f32 = 0.01;
+/// Turns in which the encoder may slip once. What looks like a second slip is a push: between two beats of counts and ticks nothing
+/// tells one from the other.
+const TURNS_BETWEEN_SLIPS: f32 = 2.0;
 /// Counts that must have been expected and have not come, for the encoder to count as silent.
 const SILENT_COUNTS: f32 = 12.0;
 
@@ -202,7 +207,7 @@ impl RotationEstimator {
         if surprise > GATE_SIGMAS * GATE_SIGMAS * (variance + noise) + 4e-10 {
             // A pulse that means nothing hardly ever comes within a count of where the index is: this one is real, and something has
             // pushed the mirror since the last one.
-            if innovation.abs() > self.count_rad.max(6e-3) {
+            if innovation.abs() > NEAR_INDEX_RAD {
                 return self.refuse_index(angle);
             }
             self.expect_push(surprise);
@@ -312,6 +317,7 @@ impl RotationEstimator {
         self.angle = advanced(self.angle, (speed + 0.5 * self.acceleration * seconds) * seconds);
         self.speed += self.acceleration * seconds;
         self.health.radians_since_index += speed.abs() * seconds;
+        self.health.radians_since_slip += speed.abs() * seconds;
         (self.sine, self.cosine) = sin_cos(self.angle);
         if self.anchored {
             self.covariance.shear(
@@ -368,13 +374,14 @@ impl RotationEstimator {
         let total = variance + self.noise.edge_variance;
         let sigma = libm::sqrtf(total);
         let outside = (within - half).abs() - half;
-        let jumped = self.health.outside < 0.05 * self.count_rad && outside > GATE_SIGMAS * sigma;
-        if (jumped || self.health.encoder_refused > 0) && outside > 0.25 * self.count_rad {
-            self.refuse_count(within);
-            return;
+        if outside > GATE_SIGMAS * sigma && outside > 0.25 * self.count_rad {
+            if self.health.radians_since_slip > TURNS_BETWEEN_SLIPS * core::f32::consts::TAU {
+                self.refuse_count(within);
+                return;
+            }
+            self.expect_push(outside * outside);
         }
         self.health.encoder_refused = 0;
-        self.health.outside = outside;
         if variance > 0.09 * self.count_rad * self.count_rad {
             if counts != 0 {
                 // Just after a slow count the mirror is near the edge that it passed, not in the middle between two.
@@ -430,18 +437,17 @@ impl RotationEstimator {
             let slipped = libm::roundf((within - half) / self.count_rad);
             self.encoder_zero = advanced(self.encoder_zero, -slipped * self.count_rad);
             self.covariance.widen(ZERO, 0.1 * self.count_rad * self.count_rad);
-        } else if self.health.encoder_refused > 256 {
-            self.restart_moving(self.window.speed(), 0.5);
+            self.health.radians_since_slip = 0.0;
         }
     }
 
     fn refuse_index(&mut self, angle: Turns) -> Index {
         // A pulse that means nothing does not come at the same angle again.
         let off = radians_between(Turns::ZERO, angle);
-        let consistent = radians_between(self.health.last_refused, angle).abs() < 2.0 * self.count_rad;
+        let consistent = radians_between(self.health.last_refused, angle).abs() < 0.05;
         self.health.last_refused = angle;
         self.health.index_refused = if consistent { self.health.index_refused + 1 } else { 1 };
-        if self.health.index_refused >= 2 && off.abs() < 4.0 * self.count_rad {
+        if self.health.index_refused >= 2 && off.abs() < 0.3 {
             // The estimate is surer of itself than it should be: the next index will be believed.
             self.covariance.widen(ANGLE, off * off);
             self.covariance.widen(ZERO, off * off);
