@@ -237,6 +237,7 @@ impl Controller {
             tracking: self.lock.is_tracking(),
             error_slices: self.lock.error_slices(),
             rate_slices_s: self.lock.rate_slices_s(),
+            scatter_slices: self.rotation.index_scatter_rad() / self.config.slice_rad(),
             sigma_slices: libm::sqrtf(mirror * mirror + clock * clock),
         }
     }

@@ -19,6 +19,11 @@ impl<const N: usize> Covariance<N> {
         self.0[i][i]
     }
 
+    /// Whether every variance is a number.
+    pub fn is_finite(&self) -> bool {
+        (0..N).all(|i| self.0[i][i].is_finite())
+    }
+
     /// Adds to the variance of state `i`.
     pub fn widen(&mut self, i: usize, variance: f32) {
         self.0[i][i] += variance;

@@ -4,6 +4,7 @@
 //! *progress*: how far the mirror has turned since the index in its own direction, so that clockwise rigs differ in one sign only.
 #![no_std]
 
+#[cfg(test)]
 extern crate std;
 
 pub mod actuator;

@@ -49,6 +49,7 @@ pub struct RotationEstimator {
     drag: f32,
     nominal_brake: f32,
     torque_max_nm: f32,
+    speed_max: f32,
 
     started: bool,
     moving: bool,
@@ -90,6 +91,7 @@ struct Health {
     encoder_refused: u32,
     last_side: bool,
     radians_since_slip: f32,
+    index_scatter: f32,
     index_refused: u32,
     index_accepted: u32,
     last_refused: Turns,
@@ -134,6 +136,7 @@ impl RotationEstimator {
             drag: motor.air_drag_nm_s2,
             nominal_brake: motor.coulomb_friction_nm * nominal_yield,
             torque_max_nm: motor.torque_max_nm,
+            speed_max: config.limits.speed_max_rad_s,
             started: false,
             moving: false,
             anchored: false,
@@ -173,6 +176,7 @@ impl RotationEstimator {
         self.tick_at = now;
         let per_turn = i64::from(self.counts_per_turn);
         self.count_in_turn = (i64::from(self.count_in_turn) + i64::from(counts)).rem_euclid(per_turn) as u32;
+        let counts = self.plausible(counts, seconds);
         self.window.add(counts, seconds, self.count_rad);
         if !self.moving {
             self.wait_for_motion(counts, torque_nm);
@@ -186,10 +190,40 @@ impl RotationEstimator {
         } else if !self.encoder_is_silent() {
             self.see_count(counts, seconds);
         }
+        self.check_sanity();
     }
 
     /// Takes an index pulse captured at `at`.
     pub fn index(&mut self, at: Nanos) -> Index {
+        let index = self.see_index(at);
+        self.check_sanity();
+        index
+    }
+
+    /// More counts than any mirror passes in that time are a glitch of the counter: taken as a slip, not as motion.
+    fn plausible(&mut self, counts: i32, seconds: f32) -> i32 {
+        let most = 3.0 + 4.0 * self.speed_max * seconds / self.count_rad;
+        if counts.unsigned_abs() as f32 <= most {
+            return counts;
+        }
+        self.encoder_zero += Turns((i64::from(counts).wrapping_mul((self.count_scale >> 32) as i64)) as u32);
+        0
+    }
+
+    /// No input may leave a state that is no number, or one that no mirror has.
+    fn check_sanity(&mut self) {
+        let known = self.covariance.is_finite() && self.speed.abs() < 10.0 * self.speed_max && self.brake.is_finite();
+        if !known {
+            self.relative_yield = 1.0;
+            self.relative_drag = 1.0;
+            self.eccentricity = [0.0; 2];
+            self.imbalance = [0.0; 2];
+            self.covariance = Covariance::diagonal([0.0; STATES]);
+            self.rest();
+        }
+    }
+
+    fn see_index(&mut self, at: Nanos) -> Index {
         let since_tick = (at.signed_since(self.tick_at)).clamp(-20_000_000, 20_000_000) as f32 * 1e-9;
         let moved = (self.speed + 0.5 * self.acceleration * since_tick) * since_tick;
         let angle = advanced(self.angle, moved);
@@ -214,6 +248,7 @@ impl RotationEstimator {
             (gain, variance) = self.covariance.seen_through(terms);
         }
         let total = variance + noise;
+        self.health.index_scatter += 0.3 * (surprise - self.health.index_scatter);
         self.correct(&gain, innovation / total, 1.0 / total);
         self.health.index_refused = 0;
         self.health.index_accepted = self.health.index_accepted.saturating_add(1);
@@ -231,27 +266,14 @@ impl RotationEstimator {
         libm::sqrtf(self.covariance.variance(ANGLE).max(0.0))
     }
 
+    /// How far off the last index pulses were, root mean square, radians: what the filter thinks of itself not taken into account.
+    pub fn index_scatter_rad(&self) -> f32 {
+        libm::sqrtf(self.health.index_scatter.max(0.0))
+    }
+
     /// Speed at the last tick, rad/s, positive in the rig's direction.
     pub fn speed(&self) -> f32 {
         self.speed
-    }
-
-    #[doc(hidden)]
-    pub fn debug(&self) -> std::string::String {
-        let sd: std::vec::Vec<f32> =
-            (0..10).map(|i| self.covariance.variance(i).sqrt()).map(|v| (v * 1e6).round() * 1e-6).collect();
-        std::format!(
-            "brake {:.3} yield {:.4} zero {:.4} ecc {:?} imb {:?} anch {} idx {} ref {} | sd {:?}",
-            self.brake,
-            self.relative_yield,
-            self.encoder_zero.turns() * 288.0,
-            self.eccentricity,
-            self.imbalance,
-            self.anchored,
-            self.health.index_accepted,
-            self.health.encoder_refused,
-            sd
-        )
     }
 
     /// The relative standard deviation of the estimated inertia.
@@ -415,7 +437,13 @@ impl RotationEstimator {
         self.health.ticks_outside = if depth < -3.0 { self.health.ticks_outside + 1 } else { 0 };
         if self.health.ticks_outside >= 4 {
             self.health.ticks_outside = 0;
-            self.expect_push(0.01 * self.count_rad * self.count_rad);
+            let surprise = 0.02 * self.count_rad * self.count_rad;
+            // While the index comes it will tell of a push soon, and more exactly; so this is rather a slip seen from its near end.
+            if self.turns_since_index() < 2.0 {
+                self.covariance.widen(ZERO, surprise);
+            } else {
+                self.expect_push(surprise);
+            }
         }
     }
 
@@ -474,6 +502,7 @@ impl RotationEstimator {
             self.guess_inertia();
         }
         self.health.index_accepted = 0;
+        self.health.index_scatter = self.count_rad * self.count_rad;
         self.anchored = true;
         self.eccentricity = [0.0; 2];
         self.imbalance = [0.0; 2];

@@ -29,6 +29,15 @@ pub struct Conditions {
     pub rate_slices_s: f32,
     /// Standard deviation of the phase error by sensors and clock, slices.
     pub sigma_slices: f32,
+    /// How far off the last index pulses were, root mean square, slices.
+    pub scatter_slices: f32,
+}
+
+impl Conditions {
+    /// Whether planes lit by this estimate are where they belong, as far as filter and index can tell.
+    fn is_sharp(&self) -> bool {
+        3.0 * self.sigma_slices.max(self.scatter_slices) < DARK_SLICES
+    }
 }
 
 /// Levels of the safety inputs: true is active.
@@ -146,7 +155,7 @@ impl Safety {
 
     /// Judges one control tick.
     pub fn tick(&mut self, now: Nanos, conditions: &Conditions) {
-        self.trusted = 3.0 * conditions.sigma_slices < DARK_SLICES && conditions.error_slices.abs() < UNLOCK_SLICES;
+        self.trusted = conditions.is_sharp() && conditions.error_slices.abs() < UNLOCK_SLICES;
         if self.state == State::Service && (now >= self.service_until || conditions.moving) {
             self.enter(now, State::Idle);
         }
@@ -224,7 +233,7 @@ impl Safety {
                 let steady = conditions.tracking
                     && conditions.error_slices.abs() < close
                     && conditions.rate_slices_s.abs() < LOCK_RATE_PER_SLICE * close
-                    && 3.0 * conditions.sigma_slices < DARK_SLICES
+                    && conditions.is_sharp()
                     && !missing;
                 self.steady_since = steady.then(|| self.steady_since.unwrap_or(now));
                 if self.steady_since.is_some_and(|since| now - since >= LOCK_STEADY) {

@@ -173,7 +173,8 @@ mod tests {
                     Action::Still(slice) => {
                         last = None;
                         let (shown, released) = sequencer.still(slice);
-                        prop_assert!(matches!(shown, Frame::Dark | Frame::Still { .. }));
+                        let still = matches!(shown, Frame::Dark | Frame::Still { .. });
+                        prop_assert!(still);
                         (None, released)
                     }
                     Action::Close => {
