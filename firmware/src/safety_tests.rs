@@ -64,7 +64,7 @@ fn the_way_to_the_lock() {
     bench.run(1.0, Conditions { error_slices: 0.1, ..well() });
     assert_eq!(bench.safety.state(), State::Acquire);
     assert!(!bench.safety.may_light());
-    bench.run(0.02, well());
+    bench.run(0.09, well());
     assert_eq!(bench.safety.state(), State::Locked);
     assert!(bench.safety.may_light());
 }

@@ -33,7 +33,7 @@ pub struct Waypoint {
 }
 
 /// From full acceleration to none. Shorter saves nothing (half of it is lost time), longer lets the torque loop follow.
-const RAMP_S: f32 = 0.03;
+const RAMP_S: f32 = 0.015;
 
 impl Trajectory {
     /// Plans a landing from `rate` (rad/s, negative when too slow) on one of the places that lie `spacing` radians apart, one of them

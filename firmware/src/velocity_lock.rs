@@ -56,7 +56,7 @@ const BANDWIDTH_RAD_S: f32 = 38.0;
 const DAMPING: f32 = 0.9;
 /// Shares of the torque limit: of a rush, of a planned way, the rest being for feedback.
 const RUSH_SHARE: f32 = 0.98;
-const PLAN_SHARE: f32 = 0.95;
+const PLAN_SHARE: f32 = 0.97;
 /// A landing is planned when this share of the speed is left. Earlier wastes torque that drag does not need yet; later leaves fewer
 /// places to choose from.
 const PLAN_BELOW: f32 = 0.3;

@@ -20,10 +20,10 @@ fn main() {
         world.advance(seconds);
         let s = world.statistics();
         println!(
-            "seed {seed}: rms {:.4} p99 {:.4} peak {:.4} locked {:.2} settled {:?} limited {:.3} ratio {:?} | {} misplaced far {:.3} dark {} of {} {:?} {:?} [{:.0} x]",
+            "seed {seed}: rms {:.4} p99 {:.4} peak {:.4} @{:.2} locked {:.2} settled {:?} limited {:.3} ratio {:?} | {} misplaced far {:.3} dark {} of {} {:?} {:?} [{:.0} x]",
             s.rms_slices,
             s.p99_slices,
-            s.peak_slices,
+            s.peak_slices, s.peak_at_s,
             s.locked_seconds,
             s.recoveries[0].settled_s,
             s.recoveries[0].torque_limited_s,

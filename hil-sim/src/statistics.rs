@@ -17,6 +17,8 @@ pub struct LockStatistics {
     pub p99_slices: f64,
     /// Its largest value.
     pub peak_slices: f64,
+    /// When that was, seconds.
+    pub peak_at_s: f64,
     /// The same as time, microseconds.
     pub rms_us: f64,
     /// The same as time, microseconds.
@@ -71,6 +73,7 @@ pub struct Collector {
     count: u64,
     squares: f64,
     peak: f64,
+    peak_at_s: f64,
     bins: Vec<u32>,
     plane_ns: f64,
     planes: u64,
@@ -88,6 +91,7 @@ impl Default for Collector {
             count: 0,
             squares: 0.0,
             peak: 0.0,
+            peak_at_s: 0.0,
             bins: vec![0; (12.0 * BINS_PER_SLICE) as usize + 1],
             plane_ns: 0.0,
             planes: 0,
@@ -116,7 +120,9 @@ impl Collector {
             self.plane_ns = plane_ns;
             self.count += 1;
             self.squares += size * size;
-            self.peak = self.peak.max(size);
+            if size > self.peak {
+                (self.peak, self.peak_at_s) = (size, at_s);
+            }
             let last = self.bins.len() - 1;
             self.bins[((size * BINS_PER_SLICE) as usize).min(last)] += 1;
         }
@@ -164,6 +170,7 @@ impl Collector {
             rms_slices: rms,
             p99_slices: p99,
             peak_slices: self.peak,
+            peak_at_s: self.peak_at_s,
             rms_us: rms * to_us,
             p99_us: p99 * to_us,
             peak_us: self.peak * to_us,
