@@ -364,9 +364,9 @@ impl RotationEstimator {
     /// What the model leaves out, as random walks.
     fn drift(&mut self, seconds: f32) {
         // Cogging and ripple move the speed by their torque over their frequency, and do not add up.
-        self.covariance.widen(SPEED, 4e-5 * seconds);
+        self.covariance.widen(SPEED, 1e-5 * seconds);
         // Friction changes with speed in ways that no figure names.
-        let brake = 0.03 + 0.005 * self.acceleration.abs();
+        let brake = 0.02 + 0.005 * self.acceleration.abs();
         self.covariance.widen(BRAKE, brake * brake * seconds);
         if self.anchored {
             self.covariance.widen(YIELD, 1e-7 * seconds);

@@ -71,7 +71,7 @@ pub struct Safety {
 /// in 20 starts.
 const LOCK_SLICES: f32 = 0.01;
 const LOCK_RATE_PER_SLICE: f32 = 150.0;
-const LOCK_TURNS: f32 = 1.5;
+const LOCK_TURNS: f32 = 2.0;
 /// Out of step from here on: half of what a plane may be off.
 const UNLOCK_SLICES: f32 = 0.25;
 /// Light goes out where three sigmas of the estimate reach this.

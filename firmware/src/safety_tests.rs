@@ -38,7 +38,7 @@ impl Bench {
     fn locked() -> Self {
         let mut bench = Self::new();
         bench.safety.command(bench.now, Command::Start, true);
-        bench.run(0.1, well());
+        bench.run(0.12, well());
         assert_eq!(bench.safety.state(), State::Locked);
         bench
     }
@@ -64,7 +64,7 @@ fn the_way_to_the_lock() {
     bench.run(1.0, Conditions { error_slices: 0.1, ..well() });
     assert_eq!(bench.safety.state(), State::Acquire);
     assert!(!bench.safety.may_light());
-    bench.run(0.09, well());
+    bench.run(0.12, well());
     assert_eq!(bench.safety.state(), State::Locked);
     assert!(bench.safety.may_light());
 }
