@@ -83,7 +83,7 @@ proptest! {
         for (wait, input) in inputs {
             now += wait;
             // Stamps near now, and now and then anywhere.
-            let near = |at: u64| if at % 16 == 0 { at } else { now.saturating_sub(at % 5_000) };
+            let near = |at: u64| if at.is_multiple_of(16) { at } else { now.saturating_sub(at % 5_000) };
             let input = match input {
                 Input::Tick { encoder_count } => {
                     count = count.wrapping_add(encoder_count);

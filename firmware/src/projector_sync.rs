@@ -263,7 +263,8 @@ impl ProjectorSync {
         self.covariance = self.jitter_variance / AGREEING as f32;
         self.variance_period = 2.0 * self.jitter_variance / (AGREEING * AGREEING) as f32;
         self.refused = 0;
-        self.doubtful = false;
+        // Until a pulse confirms it.
+        self.doubtful = true;
         self.frames_since_pulse = 0;
     }
 }

@@ -5,10 +5,13 @@
 //! with the square of speed, eccentricity stays. In step with a clock the encoder's counts beat slowly against the control ticks, so
 //! that averaging does not help; there a count only tells on which side of an edge the mirror is, and is used as exactly that.
 
-use crate::angle::{advanced, radians_between, sin_cos};
+mod counts;
+mod index;
+mod motion;
+
+use crate::angle::advanced;
 use crate::config::Config;
 use crate::covariance::Covariance;
-use crate::probit::inverse_mills;
 use crate::speed_window::SpeedWindow;
 use protocol::timing::Direction;
 use protocol::units::{Nanos, Turns};
@@ -101,11 +104,6 @@ struct Health {
 
 /// A count further outside than this many sigmas is no noise.
 const GATE_SIGMAS: f32 = 6.0;
-/// Closer than this to where it was expected, an index pulse is believed whatever the estimate says: chance would put one of 300 here.
-const NEAR_INDEX_RAD: f32 = 0.01;
-/// Turns in which the encoder may slip once. What looks like a second slip is a push: between two beats of counts and ticks nothing
-/// tells one from the other.
-const TURNS_BETWEEN_SLIPS: f32 = 2.0;
 /// Counts that must have been expected and have not come, for the encoder to count as silent.
 const SILENT_COUNTS: f32 = 12.0;
 
@@ -200,62 +198,6 @@ impl RotationEstimator {
         index
     }
 
-    /// More counts than any mirror passes in that time are a glitch of the counter: taken as a slip, not as motion.
-    fn plausible(&mut self, counts: i32, seconds: f32) -> i32 {
-        let most = 3.0 + 4.0 * self.speed_max * seconds / self.count_rad;
-        if counts.unsigned_abs() as f32 <= most {
-            return counts;
-        }
-        self.encoder_zero += Turns((i64::from(counts).wrapping_mul((self.count_scale >> 32) as i64)) as u32);
-        0
-    }
-
-    /// No input may leave a state that is no number, or one that no mirror has.
-    fn check_sanity(&mut self) {
-        let known = self.covariance.is_finite() && self.speed.abs() < 10.0 * self.speed_max && self.brake.is_finite();
-        if !known {
-            self.relative_yield = 1.0;
-            self.relative_drag = 1.0;
-            self.eccentricity = [0.0; 2];
-            self.imbalance = [0.0; 2];
-            self.covariance = Covariance::diagonal([0.0; STATES]);
-            self.rest();
-        }
-    }
-
-    fn see_index(&mut self, at: Nanos) -> Index {
-        let since_tick = (at.signed_since(self.tick_at)).clamp(-20_000_000, 20_000_000) as f32 * 1e-9;
-        let moved = (self.speed + 0.5 * self.acceleration * since_tick) * since_tick;
-        let angle = advanced(self.angle, moved);
-        if !self.moving || !self.anchored {
-            self.anchor(angle);
-            return Index::Anchored;
-        }
-        let innovation = -radians_between(Turns::ZERO, angle);
-        let jitter = self.noise.index_jitter_s * self.speed.abs();
-        // A mirror that hardly moves jitters by the width of the index mark, not by its time.
-        let noise = jitter * jitter + 1e-10;
-        let terms = [(ANGLE, 1.0), (SPEED, since_tick)];
-        let (mut gain, mut variance) = self.covariance.seen_through(terms);
-        let surprise = innovation * innovation;
-        if surprise > GATE_SIGMAS * GATE_SIGMAS * (variance + noise) + 4e-10 {
-            // A pulse that means nothing hardly ever comes within a count of where the index is: this one is real, and something has
-            // pushed the mirror since the last one.
-            if innovation.abs() > NEAR_INDEX_RAD {
-                return self.refuse_index(angle);
-            }
-            self.expect_push(surprise);
-            (gain, variance) = self.covariance.seen_through(terms);
-        }
-        let total = variance + noise;
-        self.health.index_scatter += 0.3 * (surprise - self.health.index_scatter);
-        self.correct(&gain, innovation / total, 1.0 / total);
-        self.health.index_refused = 0;
-        self.health.index_accepted = self.health.index_accepted.saturating_add(1);
-        self.health.radians_since_index = 0.0;
-        Index::Accepted
-    }
-
     /// Mirror angle at the last tick, as progress since the index.
     pub fn angle(&self) -> Turns {
         self.angle
@@ -306,223 +248,6 @@ impl RotationEstimator {
         self.window.speed()
     }
 
-    /// Acceleration per torque, 1 / (kg m²).
-    pub fn acceleration_per_torque(&self) -> f32 {
-        self.nominal_yield * self.relative_yield
-    }
-
-    /// The torque that keeps acceleration at `acceleration` rad/s² while turning at `speed` rad/s at angle `angle`, N m: friction and
-    /// imbalance included.
-    pub fn torque_for(&self, acceleration: f32, speed: f32, angle: Turns) -> f32 {
-        let (sine, cosine) = sin_cos(angle);
-        let against = if speed < 0.0 { -1.0 } else { 1.0 };
-        let wanted = acceleration + against * self.brake + self.wobble(sine, cosine);
-        wanted / self.acceleration_per_torque() + self.relative_drag * (self.viscous + self.drag * speed.abs()) * speed
-    }
-
-    /// The acceleration that `torque_nm` makes at `speed`, rad/s², without imbalance.
-    pub fn acceleration_for(&self, torque_nm: f32, speed: f32) -> f32 {
-        let against = if speed < 0.0 { -1.0 } else { 1.0 };
-        let net_nm = torque_nm - self.relative_drag * (self.viscous + self.drag * speed.abs()) * speed;
-        net_nm * self.acceleration_per_torque() - against * self.brake
-    }
-
-    fn predict(&mut self, seconds: f32, torque_nm: f32) {
-        let speed = self.speed;
-        self.torque_nm = torque_nm;
-        let nominal_drag_nm = (self.viscous + self.drag * speed.abs()) * speed;
-        let per_yield = self.nominal_yield * (torque_nm - self.relative_drag * nominal_drag_nm);
-        let per_drag = -self.acceleration_per_torque() * nominal_drag_nm;
-        let against = if speed < 0.0 { -1.0 } else { 1.0 };
-        self.acceleration =
-            self.relative_yield * per_yield - against * self.brake - self.wobble(self.sine, self.cosine);
-        self.angle = advanced(self.angle, (speed + 0.5 * self.acceleration * seconds) * seconds);
-        self.speed += self.acceleration * seconds;
-        self.health.radians_since_index += speed.abs() * seconds;
-        self.health.radians_since_slip += speed.abs() * seconds;
-        (self.sine, self.cosine) = sin_cos(self.angle);
-        if self.anchored {
-            self.covariance.shear(
-                SPEED,
-                [
-                    (BRAKE, -against * seconds),
-                    (YIELD, per_yield * seconds),
-                    (DRAG, per_drag * seconds),
-                    (IMBALANCE_COS, -self.cosine * seconds),
-                    (IMBALANCE_SIN, -self.sine * seconds),
-                ],
-            );
-        } else {
-            self.covariance.shear(SPEED, [(BRAKE, -against * seconds)]);
-            // Without the index nothing tells imbalance, inertia and friction apart: one quickly changing brake stands for all.
-            self.covariance.widen(BRAKE, 3e3 * seconds);
-        }
-        self.covariance.shear(ANGLE, [(SPEED, seconds)]);
-        self.drift(seconds);
-    }
-
-    /// What the model leaves out, as random walks.
-    fn drift(&mut self, seconds: f32) {
-        // Cogging and ripple move the speed by their torque over their frequency, and do not add up.
-        self.covariance.widen(SPEED, 1e-5 * seconds);
-        // Friction changes with speed in ways that no figure names.
-        let brake = 0.02 + 0.005 * self.acceleration.abs();
-        self.covariance.widen(BRAKE, brake * brake * seconds);
-        if self.anchored {
-            self.covariance.widen(YIELD, 1e-7 * seconds);
-            self.covariance.widen(DRAG, 1e-6 * seconds);
-            self.covariance.widen(ZERO, 1e-11 * seconds);
-            for state in [ECCENTRIC_COS, ECCENTRIC_SIN] {
-                self.covariance.widen(state, 1e-11 * seconds);
-            }
-            for state in [IMBALANCE_COS, IMBALANCE_SIN] {
-                self.covariance.widen(state, 1e-6 * seconds);
-            }
-        }
-    }
-
-    fn see_count(&mut self, counts: i32, seconds: f32) {
-        let (gain, variance) = self.covariance.seen_through([
-            (ANGLE, 1.0),
-            (ZERO, 1.0),
-            (ECCENTRIC_COS, self.cosine),
-            (ECCENTRIC_SIN, self.sine),
-        ]);
-        let eccentric = self.eccentricity[0] * self.cosine + self.eccentricity[1] * self.sine;
-        let seen = advanced(self.angle + self.encoder_zero, eccentric);
-        let count_start = self.count_start();
-        let within = radians_between(count_start, seen);
-        let half = 0.5 * self.count_rad;
-        let total = variance + self.noise.edge_variance;
-        let sigma = libm::sqrtf(total);
-        let outside = (within - half).abs() - half;
-        if outside > GATE_SIGMAS * sigma && outside > 0.25 * self.count_rad {
-            if self.health.radians_since_slip > TURNS_BETWEEN_SLIPS * core::f32::consts::TAU {
-                self.refuse_count(within);
-                return;
-            }
-            self.expect_push(outside * outside);
-        }
-        self.health.encoder_refused = 0;
-        if variance > 0.09 * self.count_rad * self.count_rad {
-            if counts != 0 {
-                // Just after a slow count the mirror is near the edge that it passed, not in the middle between two.
-                let passed = half.min(0.5 * self.speed.abs() * seconds);
-                let place = if self.speed < 0.0 { self.count_rad - passed } else { passed };
-                let total = variance + self.noise.count_variance;
-                self.correct(&gain, (place - within) / total, 1.0 / total);
-            }
-            return;
-        }
-        // The count says on which side of the nearest edge the mirror is. How far inside, in sigmas:
-        let depth = -outside / sigma;
-        if depth > 4.0 {
-            self.health.ticks_outside = 0;
-            return;
-        }
-        let lower = within < half;
-        if counts == 0 && self.health.last_side == lower {
-            // The same edge from the same side has the same error as before, and tells nothing new.
-            return;
-        }
-        self.health.last_side = lower;
-        let pull = inverse_mills(depth);
-        let inward = if lower { 1.0 } else { -1.0 };
-        self.correct(&gain, inward * pull / sigma, pull * (pull + depth) / total);
-        self.notice_manoeuvre(depth);
-    }
-
-    /// Four surprising counts in a row are no noise.
-    fn notice_manoeuvre(&mut self, depth: f32) {
-        self.health.ticks_outside = if depth < -3.0 { self.health.ticks_outside + 1 } else { 0 };
-        if self.health.ticks_outside >= 4 {
-            self.health.ticks_outside = 0;
-            let surprise = 0.02 * self.count_rad * self.count_rad;
-            // While the index comes it will tell of a push soon, and more exactly; so this is rather a slip seen from its near end.
-            if self.turns_since_index() < 2.0 {
-                self.covariance.widen(ZERO, surprise);
-            } else {
-                self.expect_push(surprise);
-            }
-        }
-    }
-
-    /// Something that the model does not know has moved the mirror by the root of `surprise` since the last index: learn faster.
-    fn expect_push(&mut self, surprise: f32) {
-        let seconds = (self.health.radians_since_index / self.speed.abs().max(0.1)).clamp(0.005, 0.2);
-        let speed = surprise / (seconds * seconds);
-        self.covariance.widen(ANGLE, surprise);
-        self.covariance.widen(SPEED, 4.0 * speed);
-        self.covariance.widen(BRAKE, 4.0 * speed / (seconds * seconds));
-        self.covariance.widen(ZERO, 0.25 * surprise);
-    }
-
-    fn refuse_count(&mut self, within: f32) {
-        self.health.encoder_refused += 1;
-        let half = 0.5 * self.count_rad;
-        if self.health.encoder_refused == 8 {
-            // No torque moves the mirror by a quarter of a count in a tick: counts were lost or added.
-            let slipped = libm::roundf((within - half) / self.count_rad);
-            self.encoder_zero = advanced(self.encoder_zero, -slipped * self.count_rad);
-            self.covariance.widen(ZERO, 0.1 * self.count_rad * self.count_rad);
-            self.health.radians_since_slip = 0.0;
-        }
-    }
-
-    fn refuse_index(&mut self, angle: Turns) -> Index {
-        // A pulse that means nothing does not come at the same angle again.
-        let off = radians_between(Turns::ZERO, angle);
-        let consistent = radians_between(self.health.last_refused, angle).abs() < 0.05;
-        self.health.last_refused = angle;
-        self.health.index_refused = if consistent { self.health.index_refused + 1 } else { 1 };
-        if self.health.index_refused >= 2 && off.abs() < 0.3 {
-            // The estimate is surer of itself than it should be: the next index will be believed.
-            self.covariance.widen(ANGLE, off * off);
-            self.covariance.widen(ZERO, off * off);
-            self.covariance.widen(SPEED, off * off);
-        }
-        if self.health.index_refused < 4 {
-            return Index::Refused;
-        }
-        self.anchor(angle);
-        Index::Anchored
-    }
-
-    /// The index is here: whatever the angle was called so far, it is 0.
-    fn anchor(&mut self, angle: Turns) {
-        self.angle -= angle;
-        self.encoder_zero += angle;
-        (self.sine, self.cosine) = sin_cos(self.angle);
-        self.health.index_refused = 0;
-        self.health.radians_since_index = 0.0;
-        if !self.moving {
-            return;
-        }
-        if !self.anchored {
-            self.guess_inertia();
-        }
-        self.health.index_accepted = 0;
-        self.health.index_scatter = self.count_rad * self.count_rad;
-        self.anchored = true;
-        self.eccentricity = [0.0; 2];
-        self.imbalance = [0.0; 2];
-        let count = self.count_rad * self.count_rad;
-        let brake = 0.5 * self.nominal_brake + 1.0;
-        self.covariance = Covariance::diagonal([1e-8, 0.25, brake * brake, 0.3, count, 4e-6, 4e-6, 9.0, 9.0, 0.25]);
-    }
-
-    /// Friction as named, and the inertia that then explains the acceleration: where the filter starts to tell them apart.
-    fn guess_inertia(&mut self) {
-        let drag_nm = (self.viscous + self.drag * self.speed.abs()) * self.speed;
-        let per_yield = self.nominal_yield * (self.torque_nm - drag_nm);
-        let pushed = self.relative_yield * per_yield - self.brake;
-        self.relative_drag = 1.0;
-        self.brake = self.nominal_brake;
-        if per_yield.abs() > 4.0 * self.nominal_brake {
-            self.relative_yield = ((pushed + self.brake) / per_yield).clamp(0.2, 5.0);
-        }
-    }
-
     fn rest(&mut self) {
         self.moving = false;
         self.anchored = false;
@@ -560,28 +285,5 @@ impl RotationEstimator {
         let brake = self.nominal_yield * self.torque_max_nm;
         self.covariance =
             Covariance::diagonal([count, sigma * sigma, brake * brake, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-    }
-
-    fn correct(&mut self, gain: &[f32; STATES], amount: f32, share: f32) {
-        self.angle = advanced(self.angle, gain[ANGLE] * amount);
-        self.encoder_zero = advanced(self.encoder_zero, gain[ZERO] * amount);
-        self.speed += gain[SPEED] * amount;
-        self.brake += gain[BRAKE] * amount;
-        self.relative_yield = (self.relative_yield + gain[YIELD] * amount).clamp(0.2, 5.0);
-        self.relative_drag = (self.relative_drag + gain[DRAG] * amount).clamp(-1.0, 5.0);
-        self.eccentricity[0] += gain[ECCENTRIC_COS] * amount;
-        self.eccentricity[1] += gain[ECCENTRIC_SIN] * amount;
-        self.imbalance[0] += gain[IMBALANCE_COS] * amount;
-        self.imbalance[1] += gain[IMBALANCE_SIN] * amount;
-        self.covariance.reduce(gain, share, &self.noise.floor);
-    }
-
-    /// Where the encoder says that the mirror at least is.
-    fn count_start(&self) -> Turns {
-        Turns(((u64::from(self.count_in_turn) * self.count_scale) >> 32) as u32)
-    }
-
-    fn wobble(&self, sine: f32, cosine: f32) -> f32 {
-        self.imbalance[0] * cosine + self.imbalance[1] * sine
     }
 }

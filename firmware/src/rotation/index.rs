@@ -1,0 +1,86 @@
+//! What the index pulse tells.
+
+use super::{ANGLE, GATE_SIGMAS, Index, RotationEstimator, SPEED, ZERO};
+use crate::angle::{advanced, radians_between, sin_cos};
+use crate::covariance::Covariance;
+use protocol::units::{Nanos, Turns};
+
+/// Closer than this to where it was expected, an index pulse is believed whatever the estimate says: chance would put one of 300 here.
+const NEAR_INDEX_RAD: f32 = 0.01;
+
+impl RotationEstimator {
+    pub(super) fn see_index(&mut self, at: Nanos) -> Index {
+        let since_tick = (at.signed_since(self.tick_at)).clamp(-20_000_000, 20_000_000) as f32 * 1e-9;
+        let moved = (self.speed + 0.5 * self.acceleration * since_tick) * since_tick;
+        let angle = advanced(self.angle, moved);
+        if !self.moving || !self.anchored {
+            self.anchor(angle);
+            return Index::Anchored;
+        }
+        let innovation = -radians_between(Turns::ZERO, angle);
+        let jitter = self.noise.index_jitter_s * self.speed.abs();
+        // A mirror that hardly moves jitters by the width of the index mark, not by its time.
+        let noise = jitter * jitter + 1e-10;
+        let terms = [(ANGLE, 1.0), (SPEED, since_tick)];
+        let (mut gain, mut variance) = self.covariance.seen_through(terms);
+        let surprise = innovation * innovation;
+        if surprise > GATE_SIGMAS * GATE_SIGMAS * (variance + noise) + 4e-10 {
+            // A pulse that means nothing hardly ever comes within a count of where the index is: this one is real, and something has
+            // pushed the mirror since the last one.
+            if innovation.abs() > NEAR_INDEX_RAD {
+                return self.refuse_index(angle);
+            }
+            self.expect_push(surprise);
+            (gain, variance) = self.covariance.seen_through(terms);
+        }
+        let total = variance + noise;
+        self.health.index_scatter += 0.3 * (surprise - self.health.index_scatter);
+        self.correct(&gain, innovation / total, 1.0 / total);
+        self.health.index_refused = 0;
+        self.health.index_accepted = self.health.index_accepted.saturating_add(1);
+        self.health.radians_since_index = 0.0;
+        Index::Accepted
+    }
+
+    pub(super) fn refuse_index(&mut self, angle: Turns) -> Index {
+        // A pulse that means nothing does not come at the same angle again.
+        let off = radians_between(Turns::ZERO, angle);
+        let consistent = radians_between(self.health.last_refused, angle).abs() < 0.05;
+        self.health.last_refused = angle;
+        self.health.index_refused = if consistent { self.health.index_refused + 1 } else { 1 };
+        if self.health.index_refused >= 2 && off.abs() < 0.3 {
+            // The estimate is surer of itself than it should be: the next index will be believed.
+            self.covariance.widen(ANGLE, off * off);
+            self.covariance.widen(ZERO, off * off);
+            self.covariance.widen(SPEED, off * off);
+        }
+        if self.health.index_refused < 4 {
+            return Index::Refused;
+        }
+        self.anchor(angle);
+        Index::Anchored
+    }
+
+    /// The index is here: whatever the angle was called so far, it is 0.
+    pub(super) fn anchor(&mut self, angle: Turns) {
+        self.angle -= angle;
+        self.encoder_zero += angle;
+        (self.sine, self.cosine) = sin_cos(self.angle);
+        self.health.index_refused = 0;
+        self.health.radians_since_index = 0.0;
+        if !self.moving {
+            return;
+        }
+        if !self.anchored {
+            self.guess_inertia();
+        }
+        self.health.index_accepted = 0;
+        self.health.index_scatter = self.count_rad * self.count_rad;
+        self.anchored = true;
+        self.eccentricity = [0.0; 2];
+        self.imbalance = [0.0; 2];
+        let count = self.count_rad * self.count_rad;
+        let brake = 0.5 * self.nominal_brake + 1.0;
+        self.covariance = Covariance::diagonal([1e-8, 0.25, brake * brake, 0.3, count, 4e-6, 4e-6, 9.0, 9.0, 0.25]);
+    }
+}

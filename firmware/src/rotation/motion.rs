@@ -1,0 +1,129 @@
+//! How the mirror moves between two observations, and what is known of its motor.
+
+use super::{
+    ANGLE, BRAKE, DRAG, ECCENTRIC_COS, ECCENTRIC_SIN, IMBALANCE_COS, IMBALANCE_SIN, RotationEstimator, SPEED, STATES,
+    YIELD, ZERO,
+};
+use crate::angle::{advanced, sin_cos};
+use crate::covariance::Covariance;
+use protocol::units::Turns;
+
+impl RotationEstimator {
+    /// Acceleration per torque, 1 / (kg m²).
+    pub fn acceleration_per_torque(&self) -> f32 {
+        self.nominal_yield * self.relative_yield
+    }
+
+    /// The torque that keeps acceleration at `acceleration` rad/s² while turning at `speed` rad/s at angle `angle`, N m: friction and
+    /// imbalance included.
+    pub fn torque_for(&self, acceleration: f32, speed: f32, angle: Turns) -> f32 {
+        let (sine, cosine) = sin_cos(angle);
+        let against = if speed < 0.0 { -1.0 } else { 1.0 };
+        let wanted = acceleration + against * self.brake + self.wobble(sine, cosine);
+        wanted / self.acceleration_per_torque() + self.relative_drag * (self.viscous + self.drag * speed.abs()) * speed
+    }
+
+    /// The acceleration that `torque_nm` makes at `speed`, rad/s², without imbalance.
+    pub fn acceleration_for(&self, torque_nm: f32, speed: f32) -> f32 {
+        let against = if speed < 0.0 { -1.0 } else { 1.0 };
+        let net_nm = torque_nm - self.relative_drag * (self.viscous + self.drag * speed.abs()) * speed;
+        net_nm * self.acceleration_per_torque() - against * self.brake
+    }
+
+    pub(super) fn predict(&mut self, seconds: f32, torque_nm: f32) {
+        let speed = self.speed;
+        self.torque_nm = torque_nm;
+        let nominal_drag_nm = (self.viscous + self.drag * speed.abs()) * speed;
+        let per_yield = self.nominal_yield * (torque_nm - self.relative_drag * nominal_drag_nm);
+        let per_drag = -self.acceleration_per_torque() * nominal_drag_nm;
+        let against = if speed < 0.0 { -1.0 } else { 1.0 };
+        self.acceleration =
+            self.relative_yield * per_yield - against * self.brake - self.wobble(self.sine, self.cosine);
+        self.angle = advanced(self.angle, (speed + 0.5 * self.acceleration * seconds) * seconds);
+        self.speed += self.acceleration * seconds;
+        self.health.radians_since_index += speed.abs() * seconds;
+        self.health.radians_since_slip += speed.abs() * seconds;
+        (self.sine, self.cosine) = sin_cos(self.angle);
+        if self.anchored {
+            self.covariance.shear(
+                SPEED,
+                [
+                    (BRAKE, -against * seconds),
+                    (YIELD, per_yield * seconds),
+                    (DRAG, per_drag * seconds),
+                    (IMBALANCE_COS, -self.cosine * seconds),
+                    (IMBALANCE_SIN, -self.sine * seconds),
+                ],
+            );
+        } else {
+            self.covariance.shear(SPEED, [(BRAKE, -against * seconds)]);
+            // Without the index nothing tells imbalance, inertia and friction apart: one quickly changing brake stands for all.
+            self.covariance.widen(BRAKE, 3e3 * seconds);
+        }
+        self.covariance.shear(ANGLE, [(SPEED, seconds)]);
+        self.drift(seconds);
+    }
+
+    /// What the model leaves out, as random walks.
+    pub(super) fn drift(&mut self, seconds: f32) {
+        // Cogging and ripple move the speed by their torque over their frequency, and do not add up.
+        self.covariance.widen(SPEED, 1e-5 * seconds);
+        // Friction changes with speed in ways that no figure names.
+        let brake = 0.02 + 0.005 * self.acceleration.abs();
+        self.covariance.widen(BRAKE, brake * brake * seconds);
+        if self.anchored {
+            self.covariance.widen(YIELD, 1e-7 * seconds);
+            self.covariance.widen(DRAG, 1e-6 * seconds);
+            self.covariance.widen(ZERO, 1e-11 * seconds);
+            for state in [ECCENTRIC_COS, ECCENTRIC_SIN] {
+                self.covariance.widen(state, 1e-11 * seconds);
+            }
+            for state in [IMBALANCE_COS, IMBALANCE_SIN] {
+                self.covariance.widen(state, 1e-6 * seconds);
+            }
+        }
+    }
+
+    pub(super) fn wobble(&self, sine: f32, cosine: f32) -> f32 {
+        self.imbalance[0] * cosine + self.imbalance[1] * sine
+    }
+
+    /// Friction as named, and the inertia that then explains the acceleration: where the filter starts to tell them apart.
+    pub(super) fn guess_inertia(&mut self) {
+        let drag_nm = (self.viscous + self.drag * self.speed.abs()) * self.speed;
+        let per_yield = self.nominal_yield * (self.torque_nm - drag_nm);
+        let pushed = self.relative_yield * per_yield - self.brake;
+        self.relative_drag = 1.0;
+        self.brake = self.nominal_brake;
+        if per_yield.abs() > 4.0 * self.nominal_brake {
+            self.relative_yield = ((pushed + self.brake) / per_yield).clamp(0.2, 5.0);
+        }
+    }
+
+    pub(super) fn correct(&mut self, gain: &[f32; STATES], amount: f32, share: f32) {
+        self.angle = advanced(self.angle, gain[ANGLE] * amount);
+        self.encoder_zero = advanced(self.encoder_zero, gain[ZERO] * amount);
+        self.speed += gain[SPEED] * amount;
+        self.brake += gain[BRAKE] * amount;
+        self.relative_yield = (self.relative_yield + gain[YIELD] * amount).clamp(0.2, 5.0);
+        self.relative_drag = (self.relative_drag + gain[DRAG] * amount).clamp(-1.0, 5.0);
+        self.eccentricity[0] += gain[ECCENTRIC_COS] * amount;
+        self.eccentricity[1] += gain[ECCENTRIC_SIN] * amount;
+        self.imbalance[0] += gain[IMBALANCE_COS] * amount;
+        self.imbalance[1] += gain[IMBALANCE_SIN] * amount;
+        self.covariance.reduce(gain, share, &self.noise.floor);
+    }
+
+    /// No input may leave a state that is no number, or one that no mirror has.
+    pub(super) fn check_sanity(&mut self) {
+        let known = self.covariance.is_finite() && self.speed.abs() < 10.0 * self.speed_max && self.brake.is_finite();
+        if !known {
+            self.relative_yield = 1.0;
+            self.relative_drag = 1.0;
+            self.eccentricity = [0.0; 2];
+            self.imbalance = [0.0; 2];
+            self.covariance = Covariance::diagonal([0.0; STATES]);
+            self.rest();
+        }
+    }
+}
