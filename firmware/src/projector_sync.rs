@@ -187,7 +187,7 @@ impl ProjectorSync {
 
     fn accept(&mut self, at: Nanos) -> bool {
         let frames = libm::roundf(self.edge.until(at) / self.period_ns());
-        if !(1.0..=64.0).contains(&frames) {
+        if !(1.0..=4.0).contains(&frames) {
             // A second pulse at an edge that was already seen tells nothing new; elsewhere it contradicts the clock.
             let at_edge =
                 self.edge.until(at).abs() < GATE_SIGMAS * libm::sqrtf(self.variance_edge + self.jitter_variance);

@@ -31,7 +31,7 @@ const STATES: usize = 10;
 /// What an index pulse meant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Index {
-    /// The first one since the mirror began to turn, or the third in a row that agrees on another origin.
+    /// The first one since the mirror began to turn, or the fourth in a row that agrees on another origin.
     Anchored,
     /// It came where it was expected.
     Accepted,
@@ -51,7 +51,8 @@ pub struct RotationEstimator {
     viscous: f32,
     drag: f32,
     nominal_brake: f32,
-    torque_max_nm: f32,
+    /// Full torque on the nominal inertia, rad/s²: the scale of all accelerations.
+    strength: f32,
     speed_max: f32,
 
     started: bool,
@@ -133,7 +134,7 @@ impl RotationEstimator {
             viscous: motor.viscous_friction_nm_s,
             drag: motor.air_drag_nm_s2,
             nominal_brake: motor.coulomb_friction_nm * nominal_yield,
-            torque_max_nm: motor.torque_max_nm,
+            strength: motor.torque_max_nm * nominal_yield,
             speed_max: config.limits.speed_max_rad_s,
             started: false,
             moving: false,
@@ -172,8 +173,7 @@ impl RotationEstimator {
         }
         let seconds = (now.signed_since(self.tick_at).clamp(0, 20_000_000)) as f32 * 1e-9;
         self.tick_at = now;
-        let per_turn = i64::from(self.counts_per_turn);
-        self.count_in_turn = (i64::from(self.count_in_turn) + i64::from(counts)).rem_euclid(per_turn) as u32;
+        self.count_in_turn = self.wrapped(counts);
         let counts = self.plausible(counts, seconds);
         self.window.add(counts, seconds, self.count_rad);
         if !self.moving {
@@ -282,7 +282,7 @@ impl RotationEstimator {
         self.health = Health::default();
         let count = self.count_rad * self.count_rad;
         // The brake also stands for an inertia that is half of what was said.
-        let brake = self.nominal_yield * self.torque_max_nm;
+        let brake = self.strength;
         self.covariance =
             Covariance::diagonal([count, sigma * sigma, brake * brake, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     }

@@ -39,6 +39,7 @@ enum Phase {
 pub struct VelocityLock {
     torque_max_nm: f32,
     frames: u32,
+    frame_scale: u64,
     slice_rad: f32,
     tick_s: f32,
     gain_error: f32,
@@ -77,6 +78,7 @@ impl VelocityLock {
         Self {
             torque_max_nm: config.motor.torque_max_nm,
             frames: config.rotation.frames(),
+            frame_scale: u64::MAX / u64::from(config.rotation.frames()),
             slice_rad: config.slice_rad(),
             tick_s: 1.0 / config.control_rate_hz,
             gain_error: BANDWIDTH_RAD_S * BANDWIDTH_RAD_S,
@@ -140,7 +142,7 @@ impl VelocityLock {
     }
 
     fn slot_angle(&self) -> Turns {
-        Turns::fraction(u64::from(self.slot), u64::from(self.frames))
+        Turns(((u64::from(self.slot) * self.frame_scale) >> 32) as u32)
     }
 
     fn change_phase(&mut self, mirror: &RotationEstimator, reference: Reference) {

@@ -80,7 +80,7 @@ fn a_part_of_a_plane_may_lie_anywhere_within_it() {
     (rest.angle_start, rest.angle_end) = (rest.angle_end, rest.angle_start + 4.0 * quarter);
     flashes.insert(10, rest);
     assert!(judge(&rotation, &flashes).is_clean());
-    flashes[10].angle_end += 0.6 * TAU / 288.0 * -1.0;
+    flashes[10].angle_end -= 0.6 * TAU / 288.0;
     assert_eq!(judge(&rotation, &flashes).misplaced, 1);
 }
 

@@ -154,6 +154,23 @@ impl Default for Scenario {
 }
 
 impl Scenario {
+    /// The names of the scenarios that come with the simulator.
+    pub const BUILT_IN: [&str; 6] = ["plain", "second-motor", "pulses", "dropouts", "rate-step", "emergency-stop"];
+
+    /// A scenario that comes with the simulator, by its name.
+    pub fn built_in(name: &str) -> Option<Self> {
+        let text = match name {
+            "plain" => include_str!("../scenarios/plain.toml"),
+            "second-motor" => include_str!("../scenarios/second-motor.toml"),
+            "pulses" => include_str!("../scenarios/pulses.toml"),
+            "dropouts" => include_str!("../scenarios/dropouts.toml"),
+            "rate-step" => include_str!("../scenarios/rate-step.toml"),
+            "emergency-stop" => include_str!("../scenarios/emergency-stop.toml"),
+            _ => return None,
+        };
+        Some(Self::from_toml(text).expect("a file of this crate, tested below"))
+    }
+
     /// Reads and checks a scenario file. Events come out in order of time.
     pub fn from_toml(text: &str) -> Result<Self, ScenarioError> {
         let mut scenario: Self = toml::from_str(text)?;
@@ -217,6 +234,15 @@ mod tests {
         assert_eq!(scenario.events[0], Event { at_s: 0.05, action: Action::Start });
         assert_eq!(scenario.events[1].action, Action::LoseFramePulses { count: 1 });
         assert_eq!(scenario.plant, PlantScale { inertia: 0.5, friction: 1.0 });
+    }
+
+    #[test]
+    fn built_in_scenarios_load_under_their_names() {
+        for name in Scenario::BUILT_IN {
+            assert_eq!(Scenario::built_in(name).unwrap().name, name);
+        }
+        assert_eq!(Scenario::built_in("plain"), Some(Scenario::default()));
+        assert_eq!(Scenario::built_in("other"), None);
     }
 
     #[test]

@@ -45,6 +45,11 @@ pub struct Recording {
     pub sample_every: u32,
 }
 
+/// The one command that repeats a run: built-in names or paths of files, as `praxi sim` takes them.
+pub fn repeat_command(rig: &str, motor: &str, scenario: &str, seconds: f64, seed: u64) -> String {
+    format!("praxi sim --rig {rig} --motor {motor} --scenario {scenario} --seconds {seconds} --seed {seed}")
+}
+
 /// One sample of the phase error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {

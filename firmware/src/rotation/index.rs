@@ -79,8 +79,23 @@ impl RotationEstimator {
         self.anchored = true;
         self.eccentricity = [0.0; 2];
         self.imbalance = [0.0; 2];
+        // What may be expected of any motor: friction off by half, inertia by a factor of two, an imbalance of 3 % of the torque, an
+        // eccentricity of a tenth of a degree.
         let count = self.count_rad * self.count_rad;
-        let brake = 0.5 * self.nominal_brake + 1.0;
-        self.covariance = Covariance::diagonal([1e-8, 0.25, brake * brake, 0.3, count, 4e-6, 4e-6, 9.0, 9.0, 0.25]);
+        let brake = 0.5 * self.nominal_brake + 0.01 * self.strength;
+        let imbalance = 9e-4 * self.strength * self.strength;
+        let [eccentricity, inertia, drag] = [4e-6, 0.3, 0.25];
+        self.covariance = Covariance::diagonal([
+            1e-8,
+            0.25,
+            brake * brake,
+            inertia,
+            count,
+            eccentricity,
+            eccentricity,
+            imbalance,
+            imbalance,
+            drag,
+        ]);
     }
 }

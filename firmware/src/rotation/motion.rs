@@ -58,28 +58,31 @@ impl RotationEstimator {
         } else {
             self.covariance.shear(SPEED, [(BRAKE, -against * seconds)]);
             // Without the index nothing tells imbalance, inertia and friction apart: one quickly changing brake stands for all.
-            self.covariance.widen(BRAKE, 3e3 * seconds);
+            self.covariance.widen(BRAKE, 0.3 * self.strength * self.strength * seconds);
         }
         self.covariance.shear(ANGLE, [(SPEED, seconds)]);
         self.drift(seconds);
     }
 
-    /// What the model leaves out, as random walks.
+    /// What the model leaves out, as random walks; torques in proportion to what the motor can do.
+    ///
+    /// A tenth of the walk of speed and three quarters of that of the brake lower the reference motor's error by a tenth, and let what
+    /// a landing leaves behind last a turn longer.
     pub(super) fn drift(&mut self, seconds: f32) {
+        let strength = self.strength * self.strength * seconds;
         // Cogging and ripple move the speed by their torque over their frequency, and do not add up.
-        self.covariance.widen(SPEED, 1e-5 * seconds);
+        self.covariance.widen(SPEED, 1e-9 * strength);
         // Friction changes with speed in ways that no figure names.
-        let brake = 0.02 + 0.005 * self.acceleration.abs();
+        let brake = 2e-4 * self.strength + 0.005 * self.acceleration.abs();
         self.covariance.widen(BRAKE, brake * brake * seconds);
         if self.anchored {
             self.covariance.widen(YIELD, 1e-7 * seconds);
             self.covariance.widen(DRAG, 1e-6 * seconds);
-            self.covariance.widen(ZERO, 1e-11 * seconds);
-            for state in [ECCENTRIC_COS, ECCENTRIC_SIN] {
+            for state in [ZERO, ECCENTRIC_COS, ECCENTRIC_SIN] {
                 self.covariance.widen(state, 1e-11 * seconds);
             }
             for state in [IMBALANCE_COS, IMBALANCE_SIN] {
-                self.covariance.widen(state, 1e-6 * seconds);
+                self.covariance.widen(state, 1e-10 * strength);
             }
         }
     }
