@@ -3,6 +3,7 @@
 //! A two-state Kalman filter (edge, period) behind a 6 sigma gate. A lost pulse costs nothing, an extra one is refused, and three
 //! intervals that agree with each other but not with the filter restart it on the new rate.
 
+use crate::angle::nanos_to_f32;
 use crate::config::Config;
 use protocol::units::Nanos;
 
@@ -46,7 +47,7 @@ impl Fine {
 
     /// `at - self` in nanoseconds.
     fn until(self, at: Nanos) -> f32 {
-        at.0.wrapping_sub(self.whole) as i64 as f32 - self.rest
+        nanos_to_f32(at.0.wrapping_sub(self.whole) as i64) - self.rest
     }
 }
 
@@ -180,7 +181,7 @@ impl ProjectorSync {
         }
         let frames = self.edge.plus(self.latency_ns, 0.0).until(at) / self.period_ns();
         let whole = libm::floorf(frames);
-        let frame = (self.frame as i32 + whole as i32).rem_euclid(self.frames_per_turn as i32) as u32;
+        let frame = (self.frame as i32).wrapping_add(whole as i32).rem_euclid(self.frames_per_turn as i32) as u32;
         let serial = self.serial.wrapping_add_signed(whole as i32);
         Some(ClockReading { serial, frame, fraction: (frames - whole).clamp(0.0, 0.999_999_9) })
     }

@@ -9,7 +9,7 @@ mod counts;
 mod index;
 mod motion;
 
-use crate::angle::advanced;
+use crate::angle::{advanced, nanos_to_f32};
 use crate::config::Config;
 use crate::covariance::Covariance;
 use crate::speed_window::SpeedWindow;
@@ -171,7 +171,7 @@ impl RotationEstimator {
             self.tick_at = now;
             return;
         }
-        let seconds = (now.signed_since(self.tick_at).clamp(0, 20_000_000)) as f32 * 1e-9;
+        let seconds = nanos_to_f32(now.signed_since(self.tick_at).clamp(0, 20_000_000)) * 1e-9;
         self.tick_at = now;
         self.count_in_turn = self.wrapped(counts);
         let counts = self.plausible(counts, seconds);

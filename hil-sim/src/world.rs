@@ -73,7 +73,7 @@ pub struct World {
     encoder: Encoder,
     index: Index,
     projector: Projector,
-    core: Box<dyn Core>,
+    core: Box<dyn Core + Send>,
     now: f64,
     ticks: u64,
     torques: VecDeque<(f64, f64)>,
@@ -124,7 +124,7 @@ impl World {
         motor: &Motor,
         scenario: &Scenario,
         seed: u64,
-        core: Box<dyn Core>,
+        core: Box<dyn Core + Send>,
     ) -> Self {
         let mut plant = Plant::new(&motor.plant, seed);
         plant.scale(scenario.plant.inertia, scenario.plant.friction);

@@ -1,7 +1,7 @@
 //! What the index pulse tells.
 
 use super::{ANGLE, GATE_SIGMAS, Index, RotationEstimator, SPEED, ZERO};
-use crate::angle::{advanced, radians_between, sin_cos};
+use crate::angle::{advanced, nanos_to_f32, radians_between, sin_cos};
 use crate::covariance::Covariance;
 use protocol::units::{Nanos, Turns};
 
@@ -10,7 +10,7 @@ const NEAR_INDEX_RAD: f32 = 0.01;
 
 impl RotationEstimator {
     pub(super) fn see_index(&mut self, at: Nanos) -> Index {
-        let since_tick = (at.signed_since(self.tick_at)).clamp(-20_000_000, 20_000_000) as f32 * 1e-9;
+        let since_tick = nanos_to_f32(at.signed_since(self.tick_at).clamp(-20_000_000, 20_000_000)) * 1e-9;
         let moved = (self.speed + 0.5 * self.acceleration * since_tick) * since_tick;
         let angle = advanced(self.angle, moved);
         if !self.moving || !self.anchored {
