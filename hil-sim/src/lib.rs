@@ -1,1 +1,2 @@
 //! The world around the firmware: seeded, deterministic, one clock.
+pub mod eye;
