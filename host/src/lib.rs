@@ -1,1 +1,3 @@
 //! Praxinoscope's host library.
+
+pub mod scene;
