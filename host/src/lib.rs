@@ -1,3 +1,7 @@
 //! Praxinoscope's host library.
 
+pub mod measure;
+pub mod picture;
+pub mod render;
 pub mod scene;
+pub mod seen;

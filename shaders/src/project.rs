@@ -180,6 +180,11 @@ impl SliceOptics {
         (range > 0.0 && range.is_finite() && self.on_panel(mirror)).then_some(mirror)
     }
 
+    /// |M − P| of `pixel` in metres, `None` where the projector's ray misses the panel.
+    pub fn throw_m(&self, pixel: DVec2) -> Option<f64> {
+        self.pixel_on_panel(pixel).map(|mirror| mirror.distance(self.camera.position))
+    }
+
     /// V' of a scene point: by step 2 of the patent, refined to the cone where the model asks for it.
     fn viewer_of(&self, point: DVec3) -> Option<Viewer> {
         let planar = self.planar_viewer(point)?;

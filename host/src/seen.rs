@@ -1,0 +1,29 @@
+//! What an eye sees of a turn: the host's one door to the simulator's forward model.
+
+use crate::picture::Picture;
+use crate::render::turn::{Depth, Turn};
+use core::f64::consts::PI;
+pub use hil_sim::eye::{Brightness, View};
+use hil_sim::eye::{self, Flash, Seen};
+use protocol::rig::Rig;
+
+/// What `view` sees of `turn` on a mirror in perfect step, each slice taken at `exposures` mirror angles.
+pub fn see(rig: &Rig, turn: &Turn, view: &View, exposures: u32, brightness: Brightness) -> Picture {
+    let half = PI / f64::from(rig.rotation.slices);
+    let flashes: Vec<_> = (0..rig.rotation.slices)
+        .map(|slice| Flash {
+            start: rig.slice_angle(slice) - half,
+            end: rig.slice_angle(slice) + half,
+            picture: match turn.depth() {
+                Depth::Binary => eye::Picture::Binary(turn.slice(slice)),
+                Depth::Grey => eye::Picture::Grey(turn.slice(slice)),
+            },
+        })
+        .collect();
+    picture(eye::expose(rig, &flashes, 1.0, exposures, view, brightness))
+}
+
+/// The eye's answer as a picture.
+pub fn picture(seen: Seen) -> Picture {
+    Picture { width: seen.pixels, height: seen.pixels, colours: seen.colours, known: seen.reached }
+}
