@@ -27,3 +27,13 @@ pub fn see(rig: &Rig, turn: &Turn, view: &View, exposures: u32, brightness: Brig
 pub fn picture(seen: Seen) -> Picture {
     Picture { width: seen.pixels, height: seen.pixels, colours: seen.colours, known: seen.reached }
 }
+
+/// How many slices of a turn reach some ray of `view`.
+pub fn reaching_slices(rig: &Rig, view: &View) -> usize {
+    let reaches = |slice| {
+        let angle = rig.slice_angle(slice);
+        let flash = Flash { start: angle, end: angle, picture: eye::Picture::Dark };
+        eye::expose(rig, &[flash], 1.0, 1, view, Brightness::Divided).reached.contains(&true)
+    };
+    (0..rig.rotation.slices).filter(|slice| reaches(*slice)).count()
+}

@@ -17,7 +17,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use thiserror::Error;
 
-/// The hardware. Fields are the keys of the file; only [`Rig::parse`] and [`Rig::load`] make one, so a rig is always possible.
+/// The hardware. Fields are the keys of the file. [`Rig::parse`], [`Rig::load`] and [`Rig::checked`] give only possible rigs; methods
+/// may panic on others.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rig {
@@ -276,9 +277,12 @@ impl Rig {
 
     /// Reads and checks a rig file's text.
     pub fn parse(text: &str) -> Result<Self, RigError> {
-        let rig: Self = toml::from_str(text).map_err(|error| syntax_error(text, &error))?;
-        rig.check()?;
-        Ok(rig)
+        toml::from_str::<Self>(text).map_err(|error| syntax_error(text, &error))?.checked()
+    }
+
+    /// The rig, if it is possible: for one that came another way than through [`Rig::parse`].
+    pub fn checked(self) -> Result<Self, RigError> {
+        self.check().map(|()| self)
     }
 
     /// The turn in integers.
