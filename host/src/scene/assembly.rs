@@ -115,7 +115,8 @@ fn in_range(value: f32) -> bool {
     value.abs() <= COORDINATE_MAX
 }
 
-fn check_numbers(place: &str, part: &Part) -> Result<(), Fault> {
+/// Refuses positions, colours and texture coordinates that are not finite or beyond all measure.
+pub(super) fn check_numbers(place: &str, part: &Part) -> Result<(), Fault> {
     let not_finite = |what, vertex: usize, value: String| {
         let place = format!("{place} vertex {vertex}").trim_start().to_owned();
         Err(Fault::NotFinite { place, what, value })

@@ -5,7 +5,7 @@ use glam::{Mat3, Mat4, Vec2, Vec3};
 use gltf::mesh::Mode;
 use gltf::{Document, Gltf, Primitive, Semantic};
 
-use super::assembly::{Assembly, Part};
+use super::assembly::{Assembly, Part, check_numbers};
 use super::files::Resources;
 use super::gltf_accessor::Buffers;
 use super::gltf_material::{Materials, read_uri};
@@ -20,10 +20,9 @@ pub(super) fn parse(bytes: &[u8], resources: &dyn Resources) -> Result<Scene, Fa
         buffers: read_buffers(&document, blob, resources)?,
         world_from_nodes: gltf_nodes::world_from_nodes(&document)?,
         document: &document,
-        resources,
     };
     let mut assembly = Assembly::default();
-    let mut materials = Materials::default();
+    let mut materials = Materials::new(&document, &loader.buffers, resources);
     if document.extensions_used().any(|e| e == "KHR_texture_transform") {
         assembly.note("KHR_texture_transform is not applied");
     }
@@ -48,8 +47,28 @@ fn read_document(bytes: &[u8]) -> Result<(Document, Option<Vec<u8>>), Fault> {
     }
     // Checked above; the crate's validation knows fewer.
     json.extensions_required.clear();
+    check_positions(&mut json)?;
     let document = Document::from_json(json).map_err(|e| Fault::malformed("glTF", e))?;
     Ok((document, gltf.blob))
+}
+
+/// The crate's validation (1.4.1) takes the accessors of positions without checking their index, and refuses files that
+/// lack their bounds, which we do not use.
+fn check_positions(json: &mut gltf::json::Root) -> Result<(), Fault> {
+    let count = json.accessors.len();
+    for (m, mesh) in json.meshes.iter().enumerate() {
+        for (p, primitive) in mesh.primitives.iter().enumerate() {
+            if let Some(index) = primitive.attributes.values().map(|i| i.value()).find(|&i| i >= count) {
+                let (place, allowed) = (format!("mesh {m} primitive {p} accessor"), format!("below {count}"));
+                return Err(Fault::IndexOutOfRange { place, index: index as i64, allowed });
+            }
+        }
+    }
+    for accessor in &mut json.accessors {
+        accessor.min = Some(vec![0.0; 3].into());
+        accessor.max = Some(vec![0.0; 3].into());
+    }
+    Ok(())
 }
 
 fn read_buffers(document: &Document, mut blob: Option<Vec<u8>>, resources: &dyn Resources) -> Result<Buffers, Fault> {
@@ -74,11 +93,10 @@ struct Loader<'a> {
     document: &'a Document,
     buffers: Buffers,
     world_from_nodes: Vec<Mat4>,
-    resources: &'a dyn Resources,
 }
 
 impl Loader<'_> {
-    fn node(&self, index: usize, materials: &mut Materials, assembly: &mut Assembly) -> Result<(), Fault> {
+    fn node(&self, index: usize, materials: &mut Materials<'_>, assembly: &mut Assembly) -> Result<(), Fault> {
         let node = self.document.nodes().nth(index).expect("an index of a node");
         let Some(mesh) = node.mesh() else { return Ok(()) };
         let joints = node.skin().map(|skin| self.world_from_joints(&skin)).transpose()?;
@@ -97,7 +115,7 @@ impl Loader<'_> {
                 None => vec![self.world_from_nodes[index]],
             };
             transform(&mut part, &world_from_vertices);
-            part.materials = vec![materials.index(&primitive.material(), &self.buffers, self.resources, assembly)?];
+            part.materials = vec![materials.index(&primitive.material(), assembly)?];
             assembly.add(&place, part)?;
         }
         Ok(())
@@ -136,6 +154,8 @@ impl Loader<'_> {
             None => (0..count as u32).collect(),
         };
         part.triangles = triangles(place, primitive.mode(), &indices, count)?;
+        // As in the file: a transform would spread what is not finite over all three coordinates.
+        check_numbers(place, &part)?;
         Ok(part)
     }
 

@@ -12,21 +12,25 @@ use super::gltf_accessor::Buffers;
 use super::{Fault, Material, Texture, Wrap};
 
 /// Indices of the scene's materials and textures, by those of the document.
-#[derive(Default)]
-pub(super) struct Materials {
+pub(super) struct Materials<'a> {
+    document: &'a gltf::Document,
+    buffers: &'a Buffers,
+    resources: &'a dyn Resources,
     indices: HashMap<Option<usize>, u32>,
     textures: HashMap<usize, Arc<Texture>>,
+    texels: u64,
 }
 
-impl Materials {
+/// Texels of all textures together, 1 GiB: a small file can name one large picture many times.
+const TEXELS_MAX: u64 = 1 << 28;
+
+impl<'a> Materials<'a> {
+    pub fn new(document: &'a gltf::Document, buffers: &'a Buffers, resources: &'a dyn Resources) -> Self {
+        Self { document, buffers, resources, indices: HashMap::new(), textures: HashMap::new(), texels: 0 }
+    }
+
     /// The scene's index of a document's material.
-    pub fn index(
-        &mut self,
-        material: &gltf::Material<'_>,
-        buffers: &Buffers,
-        resources: &dyn Resources,
-        assembly: &mut Assembly,
-    ) -> Result<u32, Fault> {
+    pub fn index(&mut self, material: &gltf::Material<'_>, assembly: &mut Assembly) -> Result<u32, Fault> {
         if let Some(&index) = self.indices.get(&material.index()) {
             return Ok(index);
         }
@@ -40,7 +44,7 @@ impl Materials {
             return Err(Fault::NotFinite { place, what: "base colour", value: format!("({r}, {g}, {b})") });
         }
         let texture = match surface.base_color_texture() {
-            Some(info) => Some(self.texture(&info.texture(), buffers, resources)?),
+            Some(info) => Some(self.texture(&info.texture())?),
             None => None,
         };
         let index = assembly.add_material(Material {
@@ -53,21 +57,13 @@ impl Materials {
         Ok(index)
     }
 
-    fn texture(
-        &mut self,
-        texture: &gltf::Texture<'_>,
-        buffers: &Buffers,
-        resources: &dyn Resources,
-    ) -> Result<Arc<Texture>, Fault> {
+    fn texture(&mut self, texture: &gltf::Texture<'_>) -> Result<Arc<Texture>, Fault> {
         if let Some(texture) = self.textures.get(&texture.index()) {
             return Ok(texture.clone());
         }
-        let image = texture.source();
-        let place = format!("image {}", image.index());
-        let bytes = match image.source() {
-            gltf::image::Source::View { view, .. } => buffers.view(&place, &view)?.to_vec(),
-            gltf::image::Source::Uri { uri, .. } => read_uri(&place, uri, resources)?,
-        };
+        let image = texture.source().index();
+        let place = format!("image {image}");
+        let bytes = self.picture(&place, &self.document.as_json().images[image])?;
         let sampler = texture.sampler();
         let wrap = [sampler.wrap_s(), sampler.wrap_t()].map(|mode| match mode {
             WrappingMode::ClampToEdge => Wrap::Clamp,
@@ -75,8 +71,26 @@ impl Materials {
             WrappingMode::Repeat => Wrap::Repeat,
         });
         let decoded = Arc::new(Texture::decode(&place, &bytes, wrap)?);
+        self.texels += decoded.texels_srgb8().len() as u64;
+        if self.texels > TEXELS_MAX {
+            let (what, limit) = ("texels in textures so far", TEXELS_MAX);
+            return Err(Fault::TooLarge { place, count: self.texels, what, limit });
+        }
         self.textures.insert(texture.index(), decoded.clone());
         Ok(decoded)
+    }
+
+    /// The crate's own way to an image (1.4.1) panics where neither view nor URI, or no type, is given.
+    fn picture(&self, place: &str, image: &gltf::json::Image) -> Result<Vec<u8>, Fault> {
+        match (image.buffer_view, &image.uri) {
+            (Some(index), _) => {
+                let view = self.document.views().nth(index.value());
+                let view = view.ok_or_else(|| Fault::malformed(place, "its buffer view is not there"))?;
+                Ok(self.buffers.view(place, &view)?.to_vec())
+            }
+            (None, Some(uri)) => read_uri(place, uri, self.resources),
+            (None, None) => Err(Fault::malformed(place, "neither URI nor buffer view, one is needed")),
+        }
     }
 }
 

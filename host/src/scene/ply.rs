@@ -40,9 +40,10 @@ fn read<E: PropertyAccess>(
     element: &ElementDef,
     header: &Header,
 ) -> Result<Vec<E>, Fault> {
-    Parser::<E>::new()
-        .read_payload_for_element(reader, element, header)
-        .map_err(|e| Fault::malformed(format!("element {}", element.name), first_line(&e)))
+    Parser::<E>::new().read_payload_for_element(reader, element, header).map_err(|e| {
+        let problem = format!("{} Allowed are the header's properties, numbers like -0.5 or 1e3.", first_line(&e));
+        Fault::malformed(format!("element {}", element.name), problem)
+    })
 }
 
 /// Refuses a count of elements that the rest of the file cannot hold, before anybody loops or reserves memory for it.
