@@ -98,7 +98,7 @@ fn obj_corners_count_backward_and_pair_their_own_coordinates() {
 #[test]
 fn obj_materials() {
     let text = "mtllib a b.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl red\nf 1/1 2/1 3/1\nusemtl none\nf 1 2 3\n";
-    let mtl = "newmtl red\nKd 0.5\nnewmtl red\nKd 1 0.5 0.25\nmap_Kd -s 1 1 -clamp on my picture.png\n";
+    let mtl = "Kd 9\nnewmtl red\nKd 0.5\nnewmtl red\nKd 1 0.5 0.25\nmap_Kd -s 1 1 -clamp on my picture.png\n";
     let files = Memory(vec![("a b.mtl", mtl.into()), ("my picture.png", picture())]);
     let scene = obj::parse(text.as_bytes(), &files).unwrap();
     let [red, white] = [0, 1].map(|i| scene.material_of(i));
@@ -112,7 +112,7 @@ fn obj_materials() {
     let scene = obj(text).unwrap();
     assert!(scene.notes.iter().any(|note| note == "material file \"b.mtl\" cannot be read, white is used"));
     let missing = obj::parse(text.as_bytes(), &Memory(vec![("a b.mtl", mtl.into())])).unwrap_err().to_string();
-    assert_eq!(missing, "a b.mtl line 5: map_Kd \"my picture.png\": cannot be read: not there");
+    assert_eq!(missing, "a b.mtl line 6: map_Kd \"my picture.png\": cannot be read: not there");
     let wrong = Memory(vec![("a b.mtl", "newmtl red\nKd x".into())]);
     let fault = obj::parse(text.as_bytes(), &wrong).unwrap_err().to_string();
     assert!(fault.starts_with("a b.mtl line 2: \"x\""), "{fault}");

@@ -71,6 +71,17 @@ fn every_byte_may_be_wrong() {
     }
 }
 
+#[test]
+fn long_files_take_time_in_proportion() {
+    let start = std::time::Instant::now();
+    let continued = [OBJ.as_bytes(), &b"\\\n".repeat(1 << 20)].concat();
+    assert!(use_it(obj::parse(&continued, &beside())));
+    let names: String = (0..100_000).map(|i| format!("usemtl {i}\n")).collect();
+    let scene = obj::parse(format!("{OBJ}{names}").as_bytes(), &beside()).unwrap();
+    assert_eq!(scene.notes.len(), 100);
+    assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(2000) })]
 
@@ -97,6 +108,6 @@ proptest! {
         for parse in samples().into_iter().map(|(_, parse)| parse) {
             use_it(parse(&noise));
         }
-        let _ = mtl::parse("m", format!("newmtl x\n{text}").as_bytes(), &beside());
+        let _ = mtl::Library::default().add("m", format!("newmtl x\n{text}").as_bytes(), &beside());
     }
 }
