@@ -36,7 +36,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec2, Vec3};
 
 pub use error::{Fault, SceneError};
-pub use shade::{Shaded, ShadedScene, ShadedTriangle, Shading, lambert, light, luminance, shade};
+pub use shade::{ShadedScene, ShadedTriangle, Shading, lambert, light, luminance, shade};
 pub use texture::{Texture, Wrap};
 
 /// The name that means [`Scene::builtin`] where a path to a file is asked for.

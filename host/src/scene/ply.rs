@@ -2,7 +2,7 @@
 //! integer channels are sRGB of their type's full range, floating ones are linear light as they stand. Faces are the
 //! lists `vertex_indices` or `vertex_index`, triangulated as fans. Other elements and properties are passed over.
 
-use std::io::Cursor;
+use std::io::{BufRead, Cursor};
 
 use glam::Vec3;
 use ply_rs_bw::parser::{Parser, Reader};
@@ -40,9 +40,74 @@ fn read<E: PropertyAccess>(
     element: &ElementDef,
     header: &Header,
 ) -> Result<Vec<E>, Fault> {
-    Parser::<E>::new().read_payload_for_element(reader, element, header).map_err(|e| {
-        let problem = format!("{} Allowed are the header's properties, numbers like -0.5 or 1e3.", first_line(&e));
-        Fault::malformed(format!("element {}", element.name), problem)
+    if header.encoding == Encoding::Ascii {
+        return (0..element.count).map(|i| read_ascii(reader.get_mut(), element, i)).collect();
+    }
+    Parser::<E>::new()
+        .read_payload_for_element(reader, element, header)
+        .map_err(|e| Fault::malformed(format!("element {}", element.name), first_line(&e)))
+}
+
+/// An element on its line. Our own, because `ply-rs-bw` 4.0.1 refuses numbers such as `.5` and `1.`.
+fn read_ascii<E: PropertyAccess>(reader: &mut Cursor<&[u8]>, element: &ElementDef, index: usize) -> Result<E, Fault> {
+    let place = || format!("{} {index}", element.name);
+    let mut line = Vec::new();
+    if reader.read_until(b'\n', &mut line).is_ok_and(|length| length == 0) {
+        let problem = format!("the file ends, {} were promised (truncated?)", element.count);
+        return Err(Fault::malformed(place(), problem));
+    }
+    let line = String::from_utf8_lossy(&line);
+    let mut words = line.split_whitespace();
+    let mut value = E::new();
+    for (name, property) in &element.properties {
+        let read = ascii_property(&property.data_type, &mut words).map_err(|e| Fault::malformed(place(), e))?;
+        if value.set_property(name, read) == PropertyAccessResult::UnsupportedType {
+            let problem = format!("property {name} has the type {:?}, which it may not have", property.data_type);
+            return Err(Fault::malformed(place(), problem));
+        }
+    }
+    Ok(value)
+}
+
+fn ascii_property(data_type: &PropertyType, words: &mut dyn Iterator<Item = &str>) -> Result<Property, String> {
+    let mut number = |kind: &ScalarType| {
+        let word = words.next().ok_or("too few numbers, allowed is one for each property of the header")?;
+        let value: f64 = word.parse().map_err(|_| format!("\"{word}\", allowed are numbers"))?;
+        let (low, high) = match kind {
+            ScalarType::Char => (f64::from(i8::MIN), f64::from(i8::MAX)),
+            ScalarType::UChar => (0.0, f64::from(u8::MAX)),
+            ScalarType::Short => (f64::from(i16::MIN), f64::from(i16::MAX)),
+            ScalarType::UShort => (0.0, f64::from(u16::MAX)),
+            ScalarType::Int => (f64::from(i32::MIN), f64::from(i32::MAX)),
+            ScalarType::UInt => (0.0, f64::from(u32::MAX)),
+            ScalarType::Float | ScalarType::Double => return Ok(value),
+        };
+        // NaN is no whole number either.
+        let whole = value.fract() == 0.0 && (low..=high).contains(&value);
+        if whole { Ok(value) } else { Err(format!("{word}, allowed are whole numbers from {low} to {high}")) }
+    };
+    let (length_kind, kind) = match data_type {
+        PropertyType::Scalar(kind) => {
+            let value = number(kind)?;
+            return Ok(match kind {
+                ScalarType::Char => Property::Char(value as i8),
+                ScalarType::UChar => Property::UChar(value as u8),
+                ScalarType::Short => Property::Short(value as i16),
+                ScalarType::UShort => Property::UShort(value as u16),
+                ScalarType::Int => Property::Int(value as i32),
+                ScalarType::UInt => Property::UInt(value as u32),
+                ScalarType::Float | ScalarType::Double => Property::Double(value),
+            });
+        }
+        PropertyType::List(length_kind, kind) => (length_kind, kind),
+    };
+    // A length beyond the line's words fails at the first that is missing.
+    let length = number(length_kind)? as u32;
+    let values = (0..length).map(|_| number(kind)).collect::<Result<Vec<f64>, String>>()?;
+    Ok(match kind {
+        ScalarType::Float | ScalarType::Double => Property::ListDouble(values),
+        ScalarType::UInt => Property::ListUInt(values.into_iter().map(|v| v as u32).collect()),
+        _ => Property::ListInt(values.into_iter().map(|v| v as i32).collect()),
     })
 }
 

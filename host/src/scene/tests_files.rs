@@ -150,6 +150,8 @@ fn ply_ascii_with_srgb_colours() {
     assert_eq!(scene.positions, [Vec3::ZERO, Vec3::X, Vec3::Y]);
     assert!(scene.colours[0].distance(vec3(1.0, 0.0, 0.502886)) < 1e-5, "{}", scene.colours[0]);
     assert_eq!((scene.triangles, scene.normals.len()), (vec![[0, 1, 2]], 0));
+    let other = TRIANGLE_PLY.replace("1 0 0 0 0 0", "1. .5 -1E-1 0 0 0 ").replace('\n', "\r\n");
+    assert_eq!(ply::parse(other.as_bytes()).unwrap().positions[1], vec3(1.0, 0.5, -0.1));
 }
 
 /// A square as PLY with doubles, normals, float colours and an element that nobody knows.
@@ -215,13 +217,20 @@ fn ply_faults_name_their_place() {
     assert_eq!(changed("3 0 1 2", "3 0 1 3"), "face 0: index 3 is out of range, allowed are 0 to 2");
     assert_eq!(changed("3 0 1 2", "3 0 1 -1"), "face 0: index -1 is out of range, allowed are 0 to 2");
     assert_eq!(changed("3 0 1 2", "2 0 1"), "face 0: 2 corners, allowed are at least 3");
-    assert!(changed("1 0 0 0 0 0", "1 nan 0 0 0 0").starts_with("element vertex: Line 15: "));
-    assert!(changed("1 0 0 0 0 0", "1 0 0").starts_with("element vertex: Line 15: "));
+    assert!(changed("1 0 0 0 0 0", "1 nan 0 0 0 0").starts_with("vertex 1: position [1, NaN, 0] is out of range"));
+    assert!(changed("1 0 0 0 0 0", "1 0 0").starts_with("vertex 1: too few numbers"));
+    assert!(changed("1 0 0 0 0 0", "1 0 x 0 0 0").starts_with("vertex 1: \"x\", allowed are numbers"));
+    assert!(
+        changed("1 0 0 0 0 0", "1 0 0 256 0 0").starts_with("vertex 1: 256, allowed are whole numbers from 0 to 255")
+    );
+    assert!(changed("3 0 1 2", "3 0 1").starts_with("face 0: too few numbers"));
+    assert!(changed("3 0 1 2", "-1 0").starts_with("face 0: -1, allowed are whole numbers from 0"));
     assert!(changed("1 0 0 0 0 0", "1 1e300 0 0 0 0").starts_with("vertex 1: position [1, inf, 0] is out of range"));
     assert!(changed("property float z\n", "property float w\n").contains("x, y and z are needed"));
     assert!(changed("vertex_indices", "corners").contains("a list vertex_indices"));
-    assert!(changed("list uchar int", "list uchar float").contains("element face"));
-    assert!(changed("3 0 1 2\n", "").starts_with("element face:"));
+    assert!(changed("list uchar int", "list uchar float").starts_with("face 0: property vertex_indices has"));
+    assert!(changed("3 0 1 2\n", "").starts_with("face 0: the file ends"));
+    assert!(changed("element vertex 3", "element vertex 99").starts_with("element vertex: 99 promised"));
     assert!(changed("ply\nformat", "plx\nformat").starts_with("header:"));
     assert!(changed("vertex 3", "vertex 4294967295").contains("4294967295 promised, but only"));
     assert!(changed("element face 1", "element face 0").starts_with("no triangles;"));
