@@ -8,6 +8,7 @@ use super::{Fault, Material, Scene, TRIANGLES_MAX};
 const VERTICES_MAX: usize = 3 * TRIANGLES_MAX;
 /// Beyond this, squares of lengths leave f32.
 const COORDINATE_MAX: f32 = 1e15;
+const NOTES_MAX: usize = 100;
 /// A triangle is degenerate where twice its area is below this part of its longest edge's square.
 const THINNEST: f64 = 1e-10;
 
@@ -37,10 +38,10 @@ impl Assembly {
         self.scene.materials.len() as u32 - 1
     }
 
-    /// Adds a remark, once.
+    /// Adds a remark, once; beyond a hundred nobody reads them.
     pub fn note(&mut self, note: impl Into<String>) {
         let note = note.into();
-        if !self.scene.notes.contains(&note) {
+        if self.scene.notes.len() < NOTES_MAX && !self.scene.notes.contains(&note) {
             self.scene.notes.push(note);
         }
     }
@@ -115,7 +116,8 @@ fn in_range(value: f32) -> bool {
     value.abs() <= COORDINATE_MAX
 }
 
-fn check_numbers(place: &str, part: &Part) -> Result<(), Fault> {
+/// Refuses positions, colours and texture coordinates that are not finite or beyond all measure.
+pub(super) fn check_numbers(place: &str, part: &Part) -> Result<(), Fault> {
     let not_finite = |what, vertex: usize, value: String| {
         let place = format!("{place} vertex {vertex}").trim_start().to_owned();
         Err(Fault::NotFinite { place, what, value })

@@ -2,7 +2,8 @@
 //!
 //! A [`Scene`] is geometry as the file has it, in world space (right-handed, +y up, +z to the front of the display, the
 //! origin at the mirror's centre). [`shade`] lights it and gives the renderer what it consumes: a [`ShadedScene`].
-//! Nothing a file holds makes the loader panic or reserve memory out of proportion to the file's own size.
+//! Nothing a file holds makes the loader panic, and what a file promises is compared with what it holds before memory is
+//! reserved for it. (A picture may unpack to 512 MiB; instances in glTF multiply, up to [`TRIANGLES_MAX`].)
 
 mod assembly;
 mod builtin;
@@ -35,7 +36,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec2, Vec3};
 
 pub use error::{Fault, SceneError};
-pub use shade::{Shaded, ShadedScene, ShadedTriangle, Shading, lambert, light, luminance, shade};
+pub use shade::{ShadedScene, ShadedTriangle, Shading, lambert, light, luminance, shade};
 pub use texture::{Texture, Wrap};
 
 /// The name that means [`Scene::builtin`] where a path to a file is asked for.

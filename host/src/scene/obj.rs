@@ -27,9 +27,11 @@ pub(super) fn logical_lines(bytes: &[u8]) -> impl Iterator<Item = (usize, Cow<'_
     std::iter::from_fn(move || {
         let (index, line) = lines.next()?;
         let mut text = String::from_utf8_lossy(line);
-        while let Some(start) = text.trim_end().strip_suffix('\\') {
+        while let Some(length) = text.trim_end().strip_suffix('\\').map(str::len) {
             let Some((_, next)) = lines.next() else { break };
-            text = Cow::Owned(format!("{start} {}", String::from_utf8_lossy(next)));
+            let joined = text.to_mut();
+            joined.replace_range(length.., " ");
+            joined.push_str(&String::from_utf8_lossy(next));
         }
         if let Some(comment) = text.find('#') {
             text = Cow::Owned(text[..comment].to_owned());
@@ -73,7 +75,7 @@ struct Reader<'a> {
     normals: Vec<Vec3>,
     part: Part,
     vertex_of_corner: HashMap<Corner, u32>,
-    materials: HashMap<String, Material>,
+    materials: mtl::Library,
     material_indices: HashMap<String, u32>,
     material: u32,
 }
@@ -91,7 +93,7 @@ impl<'a> Reader<'a> {
             normals: Vec::new(),
             part: Part::default(),
             vertex_of_corner: HashMap::new(),
-            materials: HashMap::new(),
+            materials: mtl::Library::default(),
             material_indices: HashMap::new(),
             material,
         }
@@ -175,7 +177,7 @@ impl<'a> Reader<'a> {
             self.material = index;
             return;
         }
-        let material = self.materials.get(name).cloned().unwrap_or_else(|| {
+        let material = self.materials.get(name).unwrap_or_else(|| {
             self.assembly.note(format!("material \"{name}\" is not defined, white is used"));
             Material { name: name.into(), ..Material::default() }
         });
@@ -192,7 +194,7 @@ impl<'a> Reader<'a> {
         };
         for (name, bytes) in files {
             match bytes {
-                Ok(bytes) => self.materials.extend(mtl::parse(name, &bytes, self.resources)?),
+                Ok(bytes) => self.materials.add(name, &bytes, self.resources)?,
                 Err(_) => self.assembly.note(format!("material file \"{name}\" cannot be read, white is used")),
             }
         }

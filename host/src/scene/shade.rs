@@ -44,9 +44,6 @@ pub struct ShadedScene {
     pub textures: Vec<Arc<Texture>>,
 }
 
-/// Another name of [`ShadedScene`].
-pub type Shaded = ShadedScene;
-
 /// Direction toward the lamp, unit length, world space: the measure's (0.4, 0.8, 0.45).
 pub fn light() -> Vec3 {
     Vec3::new(0.4, 0.8, 0.45).normalize()
