@@ -9,4 +9,5 @@ pub mod rendered;
 pub mod rigs;
 pub mod scene;
 pub mod seen;
+pub mod sheet;
 pub mod volume;
