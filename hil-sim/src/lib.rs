@@ -1,1 +1,4 @@
 //! The world around the firmware: seeded, deterministic, one clock.
+
+pub mod device;
+pub mod frame_store;

@@ -16,7 +16,7 @@ mod words;
 use words::VOCABULARY;
 pub use words::{Command, Fault, Reason, State};
 
-/// The version of this protocol, for people. What decides is [`SCHEMA`].
+/// The version of this protocol: counts up where the meaning of a message changes and its form does not.
 pub const VERSION: u16 = 1;
 
 /// The most compressed bytes of a plane in one [`PlaneData`].
@@ -236,9 +236,9 @@ wire! {
     }
 }
 
-/// FNV-1a, 64 bits, of the table and its words. Spaces do not count: compilers differ in where `stringify!` puts them.
+/// FNV-1a, 64 bits, of the version, the table and its words. Spaces do not count: compilers differ in where `stringify!` puts them.
 pub const SCHEMA: u64 = {
-    let mut hash = 0xcbf2_9ce4_8422_2325;
+    let mut hash = fnv(0xcbf2_9ce4_8422_2325, &VERSION.to_le_bytes());
     let mut row = 0;
     while row < TABLE.len() {
         let entry = &TABLE[row];
