@@ -1,1 +1,4 @@
 //! Praxinoscope's host library.
+
+pub mod link;
+pub mod stream;
