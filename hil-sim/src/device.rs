@@ -166,11 +166,11 @@ impl Endpoint for Device {
 
 fn add(a: Counts, b: Counts) -> Counts {
     Counts {
-        packets: a.packets + b.packets,
-        framing: a.framing + b.framing,
-        too_long: a.too_long + b.too_long,
-        too_short: a.too_short + b.too_short,
-        check: a.check + b.check,
+        packets: a.packets.saturating_add(b.packets),
+        framing: a.framing.saturating_add(b.framing),
+        too_long: a.too_long.saturating_add(b.too_long),
+        too_short: a.too_short.saturating_add(b.too_short),
+        check: a.check.saturating_add(b.check),
     }
 }
 

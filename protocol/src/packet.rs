@@ -77,7 +77,10 @@ pub fn encode(sequence: u32, message: &Message<'_>, out: &mut [u8]) -> Result<us
     if bytes > bytes_max {
         return Err(MessageError::TooLong { name, bytes, bytes_max }.into());
     }
-    debug_assert!(length <= delimiter_room);
+    // The encoder does not look whether the place that it keeps for the next zero is there.
+    if length > delimiter_room {
+        return Err(no_room);
+    }
     out[length] = 0;
     Ok(length + 1)
 }
@@ -146,7 +149,7 @@ pub struct Counts {
 impl Counts {
     /// Packets that arrived damaged, in any way.
     pub const fn damaged(&self) -> u32 {
-        self.framing + self.too_long + self.too_short + self.check
+        self.framing.saturating_add(self.too_long).saturating_add(self.too_short).saturating_add(self.check)
     }
 }
 
@@ -191,7 +194,7 @@ impl<const N: usize> Decoder<N> {
             Err(PacketError::TooLong { .. }) => &mut self.counts.too_long,
             Err(_) => &mut self.counts.framing,
         };
-        *count = count.wrapping_add(1);
+        *count = count.saturating_add(1);
         Some(packet)
     }
 

@@ -56,7 +56,7 @@ impl Answers {
     fn abandon(&mut self) {
         if let Some(turn) = self.filling.take() {
             self.store.release(turn.handle);
-            self.counters.turns_abandoned += 1;
+            self.counters.turns_abandoned = self.counters.turns_abandoned.saturating_add(1);
         }
     }
 
@@ -83,7 +83,7 @@ impl Answers {
     }
 
     pub(super) fn refuse(&mut self, answers: u32, reason: Reason) {
-        self.counters.refused += 1;
+        self.counters.refused = self.counters.refused.saturating_add(1);
         self.send(&Nack { answers, reason }.into());
     }
 
@@ -136,7 +136,7 @@ impl Answers {
         self.filling = None;
         self.last = Some(end.turn);
         self.finished.push(turn);
-        self.counters.turns_received += 1;
+        self.counters.turns_received = self.counters.turns_received.saturating_add(1);
         self.inputs.push_back(Input::TurnReady(turn.handle));
         Ok(())
     }

@@ -56,11 +56,16 @@ fn the_longest_packet_fits_and_a_longer_one_is_refused() {
 #[test]
 fn a_short_buffer_is_refused_at_every_length() {
     let message = EndTurn { turn: 7, check: 9 }.into();
-    let length = frame(1, &message).len();
-    for bytes in 0..length {
-        assert_eq!(encode(1, &message, &mut vec![0; bytes]), Err(PacketError::NoRoom { bytes }));
+    // Checks that end in a zero too: its place in the frame is not written before the end.
+    let ends_in_zero = |sequence: &u32| frame(*sequence, &message).ends_with(&[1, 0]);
+    let zero = (0..).find(ends_in_zero).unwrap();
+    for sequence in [1, zero] {
+        let length = frame(sequence, &message).len();
+        for bytes in 0..length {
+            assert_eq!(encode(sequence, &message, &mut vec![0; bytes]), Err(PacketError::NoRoom { bytes }));
+        }
+        assert_eq!(encode(sequence, &message, &mut vec![0; length]), Ok(length));
     }
-    assert_eq!(encode(1, &message, &mut vec![0; length]), Ok(length));
 }
 
 #[test]
