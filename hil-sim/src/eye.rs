@@ -101,7 +101,14 @@ const TILE: u32 = 16;
 ///
 /// Each flash is taken at `exposures` mirror angles between its start and its end, which gives the motion blur. `pixels`,
 /// `rays` and `exposures` must not be 0.
-pub fn expose(rig: &Rig, flashes: &[Flash<'_>], turns: f64, exposures: u32, view: &View, brightness: Brightness) -> Seen {
+pub fn expose(
+    rig: &Rig,
+    flashes: &[Flash<'_>],
+    turns: f64,
+    exposures: u32,
+    view: &View,
+    brightness: Brightness,
+) -> Seen {
     let apparatus = Apparatus::new(rig);
     let moments = moments(flashes, exposures);
     let tiles = view.pixels.div_ceil(TILE);
@@ -172,7 +179,8 @@ fn expose_tile(
     let reaching: Vec<Vec<_>> = (0..apparatus.faces())
         .map(|face| {
             let may_reach = |moment: &&Moment| apparatus.may_reach(face, moment.angle, view.from, &probes);
-            let faces = moments.iter().filter(may_reach).map(|moment| (moment.flash, apparatus.face_at(face, moment.angle)));
+            let faces =
+                moments.iter().filter(may_reach).map(|moment| (moment.flash, apparatus.face_at(face, moment.angle)));
             faces.collect()
         })
         .collect();

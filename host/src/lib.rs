@@ -1,6 +1,7 @@
-//! Praxinoscope's host library: a scene becomes the slices of a turn, and what an eye would see of them.
+//! Praxinoscope's host library: a scene becomes the slices of a turn, the turn reaches a device, and what an eye sees of it.
 
 pub mod commands;
+pub mod link;
 pub mod measure;
 pub mod output;
 pub mod picture;
@@ -10,4 +11,5 @@ pub mod rigs;
 pub mod scene;
 pub mod seen;
 pub mod sheet;
+pub mod stream;
 pub mod volume;

@@ -38,7 +38,8 @@ pub fn compare(a: &Picture, b: &Picture) -> Result<Likeness, MeasureError> {
         return Err(MeasureError::NothingInCommon);
     }
     let blur = Blur { width: a.width as usize, known: &known };
-    let [a, b] = [a, b].map(|picture| blur.apply(&picture.luminance().into_iter().map(f64::from).collect::<Vec<_>>(), 1.0));
+    let [a, b] =
+        [a, b].map(|picture| blur.apply(&picture.luminance().into_iter().map(f64::from).collect::<Vec<_>>(), 1.0));
     let over_known = |value: &dyn Fn(usize) -> f64| {
         (0..known.len()).filter(|cell| known[*cell] > 0.0).map(value).sum::<f64>() / count
     };

@@ -38,7 +38,10 @@ impl Picture {
 
     /// Linear Rec. 709 luminance.
     pub fn luminance(&self) -> Vec<f32> {
-        self.colours.iter().map(|[r, g, b]| if r == g && g == b { *r } else { 0.2126 * r + 0.7152 * g + 0.0722 * b }).collect()
+        self.colours
+            .iter()
+            .map(|[r, g, b]| if r == g && g == b { *r } else { 0.2126 * r + 0.7152 * g + 0.0722 * b })
+            .collect()
     }
 
     /// As PNG: 8-bit sRGB with alpha.

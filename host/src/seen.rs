@@ -3,8 +3,8 @@
 use crate::picture::Picture;
 use crate::render::turn::{Depth, Turn};
 use core::f64::consts::PI;
-pub use hil_sim::eye::{Brightness, View};
 use hil_sim::eye::{self, Flash, Seen};
+pub use hil_sim::eye::{Brightness, View};
 use protocol::rig::Rig;
 
 /// What `view` sees of `turn` on a mirror in perfect step, each slice taken at `exposures` mirror angles.

@@ -157,7 +157,8 @@ mod tests {
         assert_eq!(sheet.dimensions(), (98 * 2 + 8, 60 * 2 + 8));
         assert_eq!(sheet.get_pixel(8 + 45, 8 + 22 + 15)[0], 255);
         assert_eq!(sheet.get_pixel(8 + 98 + 45, 8 + 22 + 15)[0], 0);
-        let bright = (8..80).flat_map(|x| (8..28).map(move |y| (x, y))).filter(|(x, y)| sheet.get_pixel(*x, *y)[0] > 150);
+        let bright =
+            (8..80).flat_map(|x| (8..28).map(move |y| (x, y))).filter(|(x, y)| sheet.get_pixel(*x, *y)[0] > 150);
         assert!(bright.count() > 30, "no title");
     }
 

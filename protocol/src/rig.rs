@@ -204,7 +204,8 @@ pub struct Filter {
 impl Filter {
     /// In linear light, Rec. 709 primaries.
     pub fn linear(&self) -> [f64; 3] {
-        let byte = |at: usize| self.srgb.get(at..at + 2).and_then(|hex| u8::from_str_radix(hex, 16).ok()).unwrap_or(255);
+        let byte =
+            |at: usize| self.srgb.get(at..at + 2).and_then(|hex| u8::from_str_radix(hex, 16).ok()).unwrap_or(255);
         [byte(1), byte(3), byte(5)].map(|value| {
             let value = f64::from(value) / 255.0;
             if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }

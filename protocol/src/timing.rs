@@ -119,8 +119,8 @@ impl Rotation {
 
     /// The nominal duration of plane 0 … `planes` of a frame together, rounded down.
     pub const fn planes_nanos(&self, planes: u32) -> u64 {
-        (planes as u128 * 1_000_000_000_000_000
-            / (self.refresh_microhertz as u128 * self.planes_per_frame as u128)) as u64
+        (planes as u128 * 1_000_000_000_000_000 / (self.refresh_microhertz as u128 * self.planes_per_frame as u128))
+            as u64
     }
 
     /// The frame that slice `slice` is in, and its plane there.

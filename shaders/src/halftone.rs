@@ -37,11 +37,7 @@ fn plane_rows(width: u32) -> impl Iterator<Item = usize> {
     (0..).map(move |row| row * plane_stride(width))
 }
 
-fn by_mask<'a>(
-    rows: impl Iterator<Item = (&'a [f32], usize)>,
-    plane: &mut [u8],
-    threshold: impl Fn(u32, u32) -> f32,
-) {
+fn by_mask<'a>(rows: impl Iterator<Item = (&'a [f32], usize)>, plane: &mut [u8], threshold: impl Fn(u32, u32) -> f32) {
     for ((row, start), y) in rows.zip(0..) {
         for (block, byte) in row.chunks(8).zip(&mut plane[start..]) {
             *byte = 0;
@@ -114,7 +110,9 @@ impl Pattern {
 
     fn extreme(&self, set: bool, better: impl Fn(f32, f32) -> bool) -> usize {
         let candidates = (0..BLUE_CELLS).filter(|cell| self.set[*cell] == set);
-        candidates.reduce(|best, cell| if better(self.energy[cell], self.energy[best]) { cell } else { best }).unwrap_or(0)
+        candidates
+            .reduce(|best, cell| if better(self.energy[cell], self.energy[best]) { cell } else { best })
+            .unwrap_or(0)
     }
 }
 
@@ -194,7 +192,8 @@ fn floyd_steinberg(slice: u32, width: u32, luminance: &[f32], plane: &mut [u8]) 
 
 /// A 32-bit mix of three numbers (the finaliser of MurmurHash3 over their sum with odd multipliers).
 fn hash(a: u32, b: u32, c: u32) -> u32 {
-    let mut mixed = a.wrapping_mul(0x9E37_79B1) ^ b.wrapping_mul(0x85EB_CA77).rotate_left(11) ^ c.wrapping_mul(0xC2B2_AE3D);
+    let mut mixed =
+        a.wrapping_mul(0x9E37_79B1) ^ b.wrapping_mul(0x85EB_CA77).rotate_left(11) ^ c.wrapping_mul(0xC2B2_AE3D);
     mixed = (mixed ^ mixed >> 16).wrapping_mul(0x85EB_CA6B);
     mixed = (mixed ^ mixed >> 13).wrapping_mul(0xC2B2_AE35);
     mixed ^ mixed >> 16
@@ -251,7 +250,8 @@ mod tests {
     fn blue_noise_has_no_low_frequencies() {
         // Of 8 × 8 boxes, white noise at one half would scatter by √(64 · ¼) = 4 pixels.
         let plane = plane(Halftone::BlueNoise, 0, 64, &[0.5; BLUE_CELLS]);
-        let boxes = (0..64).map(|tile| (0..8).map(|row| plane[(tile / 8 * 8 + row) * 8 + tile % 8].count_ones()).sum::<u32>());
+        let boxes =
+            (0..64).map(|tile| (0..8).map(|row| plane[(tile / 8 * 8 + row) * 8 + tile % 8].count_ones()).sum::<u32>());
         let scatter = boxes.map(|count| (f64::from(count) - 32.0).powi(2)).sum::<f64>() / 64.0;
         assert!(scatter.sqrt() < 1.5, "{}", scatter.sqrt());
     }

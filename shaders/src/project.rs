@@ -143,8 +143,7 @@ impl SliceOptics {
 
     /// Where scene point `point` appears. Never refuses: an invisible point says why.
     pub fn project(&self, point: DVec3) -> Projected {
-        let mut projected =
-            Projected { viewer: None, pixel: None, depth_m: None, visibility: Visibility::NoViewer };
+        let mut projected = Projected { viewer: None, pixel: None, depth_m: None, visibility: Visibility::NoViewer };
         let Some(viewer) = self.viewer_of(point) else { return projected };
         projected.viewer = Some(viewer);
         projected.depth_m = Some(viewer.depth_of(point));

@@ -3,11 +3,11 @@
 use glam::DVec3;
 use host::measure::{Likeness, compare};
 use host::picture::Picture;
+use host::render::Renderer;
 use host::render::cpu::CpuRenderer;
 use host::render::plan::Plan;
 use host::render::truth::{Caster, Pinhole};
 use host::render::turn::Turn;
-use host::render::Renderer;
 use host::scene::{Scene, ShadedScene, Shading, shade};
 use host::seen::{Brightness, View, see};
 use protocol::rig::Rig;

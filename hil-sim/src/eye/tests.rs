@@ -84,10 +84,12 @@ fn squares_leave_nothing_out() {
         for cell in 0..400 {
             let direction = view.ray(cell % 20, cell / 20, 0, 0);
             let mut expected = [0.0; 3];
-            for (flash, face) in flashes.iter().flat_map(|flash| (0..apparatus.faces()).map(move |face| (flash, face))) {
+            for (flash, face) in flashes.iter().flat_map(|flash| (0..apparatus.faces()).map(move |face| (flash, face)))
+            {
                 let at = apparatus.face_at(face, (flash.start + flash.end) / 2.0);
                 if let Some((weight, _)) = apparatus.arrival(face, &at, view.from, direction) {
-                    expected = core::array::from_fn(|channel| expected[channel] + weight * apparatus.colour(face)[channel]);
+                    expected =
+                        core::array::from_fn(|channel| expected[channel] + weight * apparatus.colour(face)[channel]);
                 }
             }
             let found = seen.colours[cell as usize];
@@ -99,8 +101,8 @@ fn squares_leave_nothing_out() {
 #[test]
 fn a_measured_lobe_takes_the_triangles_place() {
     let hat = Rig::parse(REFERENCE).unwrap();
-    let lobe = REFERENCE
-        .replace("diffuser_hat_radius_deg = 1.25", "diffuser_lobe = [[-1.25, 0.0], [0.0, 1.0], [1.25, 0.0]]");
+    let lobe =
+        REFERENCE.replace("diffuser_hat_radius_deg = 1.25", "diffuser_lobe = [[-1.25, 0.0], [0.0, 1.0], [1.25, 0.0]]");
     let lobe = Rig::parse(&lobe).unwrap();
     let white = vec![255; 768 * 768];
     let [hat, lobe] = [hat, lobe].map(|rig| {

@@ -129,13 +129,16 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 pub(super) fn point(text: &str) -> Result<DVec3, String> {
     let numbers: Vec<f64> = text.split(',').map_while(|part| part.trim().parse().ok()).collect();
     match numbers[..] {
-        [x, y, z] if text.split(',').count() == 3 && numbers.iter().all(|value| value.abs() <= 1e9) => Ok(DVec3::new(x, y, z)),
+        [x, y, z] if text.split(',').count() == 3 && numbers.iter().all(|value| value.abs() <= 1e9) => {
+            Ok(DVec3::new(x, y, z))
+        }
         _ => Err("must be three numbers of metres with commas, as in 0.01,0.35,0.9".into()),
     }
 }
 
 /// A bar on standard error, which vanishes when it is done; nothing where that is no terminal.
 pub(super) fn progress(what: &'static str, steps: u64) -> ProgressBar {
-    let style = ProgressStyle::with_template("{prefix:<22} {bar:32} {pos:>5}/{len} {eta:>4}").expect("a fixed template");
+    let style =
+        ProgressStyle::with_template("{prefix:<22} {bar:32} {pos:>5}/{len} {eta:>4}").expect("a fixed template");
     ProgressBar::new(steps).with_style(style.progress_chars("█▌ ")).with_prefix(what)
 }

@@ -68,7 +68,10 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let unknown = || "none".to_string();
     say(format!(
         "viewer  {}\npixel   {}\ndepth   {}\nvisible {}",
-        position.map(|at| vector(at) + " m").or(direction.map(|way| format!("toward {}", vector(way)))).unwrap_or_else(unknown),
+        position
+            .map(|at| vector(at) + " m")
+            .or(direction.map(|way| format!("toward {}", vector(way))))
+            .unwrap_or_else(unknown),
         projected.pixel.map_or_else(unknown, |pixel| format!("u {:.6}, v {:.6} px", pixel.x, pixel.y)),
         projected.depth_m.map_or_else(unknown, |depth| format!("{depth:.6} m")),
         match projected.visibility {

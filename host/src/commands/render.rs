@@ -43,11 +43,8 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let bar = progress("rendering slices", rig.rotation.slices.into());
     let turn = CpuRenderer.render_turn(&shaded, &rig, &plan, &|| bar.inc(1))?;
     bar.finish_and_clear();
-    let note = SceneNote {
-        source: args.scene.scene.clone(),
-        triangles: scene.triangles.len(),
-        fit_m: args.scene.fit_m,
-    };
+    let note =
+        SceneNote { source: args.scene.scene.clone(), triangles: scene.triangles.len(), fit_m: args.scene.fit_m };
     let method = Method { plan, shading: args.scene.shading.name().into(), smooth: args.scene.smooth };
     let rotation = Rotation::new(&rig, note, method);
     let pictures = if args.halftone == Halftone::Grey { rotation.slices } else { rotation.frames };

@@ -47,7 +47,8 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
         }));
         return Ok(());
     }
-    let spacing = facts.spacing_mm.map(|spacing| format!(", {spacing:.1} mm at the viewing distance")).unwrap_or_default();
+    let spacing =
+        facts.spacing_mm.map(|spacing| format!(", {spacing:.1} mm at the viewing distance")).unwrap_or_default();
     say(format!(
         "{}\n  rotation        {:.3} turns a second, {} slices in {} frames, {:.1} us a slice\n  \
          views           {:.3} degrees apart{spacing}\n  display volume  a ball of {:.1} mm radius about the origin\n  \

@@ -17,7 +17,13 @@ use std::sync::Arc;
 pub struct CpuRenderer;
 
 impl Renderer for CpuRenderer {
-    fn render_turn(&self, scene: &ShadedScene, rig: &Rig, plan: &Plan, done: &(dyn Fn() + Sync)) -> Result<Turn, RenderError> {
+    fn render_turn(
+        &self,
+        scene: &ShadedScene,
+        rig: &Rig,
+        plan: &Plan,
+        done: &(dyn Fn() + Sync),
+    ) -> Result<Turn, RenderError> {
         let mesh = tessellate(scene, rig, plan.model.into(), plan.bow_px)?;
         let (width, height) = (rig.projector.width_px, rig.projector.height_px);
         let depth = if plan.halftone.binary().is_some() { Depth::Binary } else { Depth::Grey };

@@ -28,5 +28,11 @@ pub enum RenderError {
 /// A way to render a turn.
 pub trait Renderer {
     /// Renders `scene` into every slice of a turn by `plan`. `done` is called from any thread after each slice.
-    fn render_turn(&self, scene: &ShadedScene, rig: &Rig, plan: &Plan, done: &(dyn Fn() + Sync)) -> Result<Turn, RenderError>;
+    fn render_turn(
+        &self,
+        scene: &ShadedScene,
+        rig: &Rig,
+        plan: &Plan,
+        done: &(dyn Fn() + Sync),
+    ) -> Result<Turn, RenderError>;
 }

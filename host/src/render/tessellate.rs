@@ -209,14 +209,12 @@ mod tests {
 
     fn square(side: f32) -> ShadedScene {
         let at = |x: f32, y: f32| Vec3::new((x - 0.5) * side, (y - 0.5) * side, 0.0);
-        let triangle = |positions| ShadedTriangle {
-            positions,
-            radiance: [Vec3::ONE; 3],
-            uv: [Vec2::ZERO; 3],
-            texture: None,
-        };
-        let triangles =
-            vec![triangle([at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0)]), triangle([at(0.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)])];
+        let triangle =
+            |positions| ShadedTriangle { positions, radiance: [Vec3::ONE; 3], uv: [Vec2::ZERO; 3], texture: None };
+        let triangles = vec![
+            triangle([at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0)]),
+            triangle([at(0.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)]),
+        ];
         ShadedScene { triangles, textures: Vec::new() }
     }
 
@@ -237,7 +235,8 @@ mod tests {
         for triangle in &mesh.triangles {
             let [a, b, c] = triangle.corners.map(|corner| mesh.positions[corner as usize]);
             area += (b - a).cross(c - a).z / 2.0;
-            for (from, to) in [(0, 1), (1, 2), (2, 0)].map(|(from, to)| (triangle.corners[from], triangle.corners[to])) {
+            for (from, to) in [(0, 1), (1, 2), (2, 0)].map(|(from, to)| (triangle.corners[from], triangle.corners[to]))
+            {
                 *edges.entry((from.min(to), from.max(to))).or_insert(0) += if from < to { 1 } else { -1 };
             }
         }

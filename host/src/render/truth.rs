@@ -56,7 +56,8 @@ impl<'a> Caster<'a> {
         let ray = Ray::new_inf(from.into(), direction.into());
         let hit = bvh.ray_traverse(ray, &mut first, |_, place| {
             let triangle = bvh.primitive_indices[place] as usize;
-            crossing(&self.scene.triangles[triangle].positions, from, direction).map_or(f32::INFINITY, |(range, _)| range)
+            crossing(&self.scene.triangles[triangle].positions, from, direction)
+                .map_or(f32::INFINITY, |(range, _)| range)
         });
         if !hit {
             return 0.0;
@@ -76,7 +77,8 @@ impl<'a> Caster<'a> {
     /// What `pinhole` sees. `done` is called after each row.
     pub fn picture(&self, pinhole: &Pinhole, done: &(dyn Fn() + Sync)) -> Picture {
         let forward = (pinhole.look_at - pinhole.from).normalize();
-        let right = forward.cross(DVec3::Y).try_normalize().filter(|_| forward.y.abs() < 1.0 - 1e-12).unwrap_or(DVec3::X);
+        let right =
+            forward.cross(DVec3::Y).try_normalize().filter(|_| forward.y.abs() < 1.0 - 1e-12).unwrap_or(DVec3::X);
         let down = forward.cross(right);
         let fine = pinhole.pixels * pinhole.rays;
         let metres = |ray: u32| ((f64::from(ray) + 0.5) / f64::from(fine) - 0.5) * pinhole.window_m;

@@ -34,7 +34,8 @@ impl Rig {
         self.check_projector()?;
         self.check_viewing()?;
         for (name, filter) in &self.filters {
-            let hex = filter.srgb.strip_prefix('#').filter(|hex| hex.len() == 6 && u32::from_str_radix(hex, 16).is_ok());
+            let hex =
+                filter.srgb.strip_prefix('#').filter(|hex| hex.len() == 6 && u32::from_str_radix(hex, 16).is_ok());
             if hex.is_none_or(|hex| hex.starts_with('+')) {
                 return refuse(format!("filters.{name}.srgb"), format!("= {:?}: must be \"#RRGGBB\"", filter.srgb));
             }
@@ -81,8 +82,12 @@ impl Rig {
                 refuse(key("look_at_m"), "must differ from position_m, and image_down must not point along the axis")
             }
             CameraError::Affine => refuse(key("matrix"), "is affine or singular: must have a nodal point"),
-            CameraError::Mirrored => refuse(key("matrix"), "mirrors the image: its left 3 × 3 needs a positive determinant"),
-            CameraError::Folded => refuse(key("radial"), "folds the image over: its polynomial must rise to the corners"),
+            CameraError::Mirrored => {
+                refuse(key("matrix"), "mirrors the image: its left 3 × 3 needs a positive determinant")
+            }
+            CameraError::Folded => {
+                refuse(key("radial"), "folds the image over: its polynomial must rise to the corners")
+            }
         })?;
         if camera.project(DVec3::ZERO).is_none() {
             return refuse("projector", "looks away from the mirror: the origin must be in front of it, w > 0");
@@ -98,7 +103,10 @@ impl Rig {
                 within("viewing.height_m", height, -1e9..=1e9)
             }
             (None, None, Some(elevation)) => within("viewing.elevation_deg", elevation, -89.0..=89.0),
-            _ => refuse("viewing", "needs distance_m and height_m, or elevation_deg in their place for viewers at infinity"),
+            _ => refuse(
+                "viewing",
+                "needs distance_m and height_m, or elevation_deg in their place for viewers at infinity",
+            ),
         }
     }
 
@@ -135,14 +143,19 @@ impl Rig {
         match (&face.diffuser_lobe, face.diffuser_hat_radius_deg) {
             (None, None) => refuse(key("diffuser_hat_radius_deg"), "is missing: give it, or diffuser_lobe"),
             (None, Some(radius)) => within(key("diffuser_hat_radius_deg"), radius, 1e-3..=90.0),
-            (Some(_), Some(_)) => refuse(key("diffuser_lobe"), "stands in place of diffuser_hat_radius_deg: remove one"),
+            (Some(_), Some(_)) => {
+                refuse(key("diffuser_lobe"), "stands in place of diffuser_hat_radius_deg: remove one")
+            }
             (Some(lobe), None) => {
                 for [degrees, weight] in lobe {
                     within(key("diffuser_lobe"), *degrees, -90.0..=90.0)?;
                     within(key("diffuser_lobe"), *weight, 0.0..=1e6)?;
                 }
                 if lobe.len() < 2 || lobe.windows(2).any(|pair| pair[0][0] >= pair[1][0]) {
-                    return refuse(key("diffuser_lobe"), "must hold two or more pairs [degrees, weight] with rising degrees");
+                    return refuse(
+                        key("diffuser_lobe"),
+                        "must hold two or more pairs [degrees, weight] with rising degrees",
+                    );
                 }
                 if lobe.iter().all(|[_, weight]| *weight == 0.0) {
                     return refuse(key("diffuser_lobe"), "must have a weight above 0");

@@ -68,7 +68,8 @@ fn the_planar_fan_is_off_by_what_the_prototype_measured() {
 /// A fixed scatter of points in the unit ball.
 fn ball_point(index: u32) -> DVec3 {
     let fraction = |step: f64| (f64::from(index) * step).fract();
-    let (azimuth, height, radius) = (fraction(0.618_034) * TAU, fraction(0.754_878) * 2.0 - 1.0, fraction(0.569_840).cbrt());
+    let (azimuth, height, radius) =
+        (fraction(0.618_034) * TAU, fraction(0.754_878) * 2.0 - 1.0, fraction(0.569_840).cbrt());
     let level = (1.0 - height * height).sqrt();
     radius * DVec3::new(level * azimuth.sin(), height, level * azimuth.cos())
 }
