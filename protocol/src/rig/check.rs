@@ -2,6 +2,7 @@
 
 use super::camera::{Camera, CameraError};
 use super::{Rig, RigError, RotationKeys};
+use crate::codec::ImageSize;
 use crate::timing::{Rotation, RotationError};
 use core::ops::RangeInclusive;
 use glam::DVec3;
@@ -49,8 +50,8 @@ impl Rig {
     fn check_projector(&self) -> Result<(), RigError> {
         let projector = &self.projector;
         let key = |name: &str| format!("projector.{name}");
-        within(key("width_px"), projector.width_px.into(), 1.0..=8192.0)?;
-        within(key("height_px"), projector.height_px.into(), 1.0..=8192.0)?;
+        within(key("width_px"), projector.width_px.into(), 1.0..=f64::from(ImageSize::PIXELS_MAX))?;
+        within(key("height_px"), projector.height_px.into(), 1.0..=f64::from(ImageSize::PIXELS_MAX))?;
         within(key("frame_latency_us"), projector.frame_latency_us, 0.0..=1e6)?;
         for (name, vector) in [
             ("position_m", projector.position_m),
