@@ -1,4 +1,22 @@
 //! The controller's core: pure, `no_std`, without allocation. One [`step`](controller::Controller::step) an input.
+//!
+//! The projector is the master: its planes run on a free clock that cannot be tuned, and the mirror follows. Angles inside are
+//! *progress*: how far the mirror has turned since the index in its own direction, so that clockwise rigs differ in one sign only.
 #![no_std]
 
+extern crate std;
+
+pub mod actuator;
+pub mod angle;
+pub mod config;
+pub mod controller;
+pub mod covariance;
 pub mod plane_store;
+pub mod probit;
+pub mod projector_sync;
+pub mod rotation;
+pub mod safety;
+pub mod sequencer;
+pub mod speed_window;
+pub mod trajectory;
+pub mod velocity_lock;

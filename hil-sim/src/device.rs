@@ -49,8 +49,6 @@ pub struct Report {
     pub speed_microhertz: u32,
     /// Turns that came on screen.
     pub turns_shown: u32,
-    /// Projector pulses that were missed.
-    pub pulses_missed: u32,
     /// The turn on screen.
     pub on_screen: Option<TurnHandle>,
 }
@@ -131,7 +129,6 @@ impl Device {
             phase_error: report.phase_error,
             speed_microhertz: report.speed_microhertz,
             turns_shown: report.turns_shown,
-            pulses_missed: report.pulses_missed,
             turn_on_screen: report.on_screen.and_then(|turn| self.turn_number(turn)),
             turns_received: counters.turns_received,
             turns_abandoned: counters.turns_abandoned,

@@ -221,8 +221,6 @@ wire! {
         speed_microhertz: u32,
         /// Turns that came on screen.
         turns_shown: u32,
-        /// Projector pulses that were missed.
-        pulses_missed: u32,
         /// The host's number of the turn on screen.
         turn_on_screen: Option<u32>,
         /// Turns that arrived whole.

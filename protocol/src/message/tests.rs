@@ -28,7 +28,6 @@ fn longest() -> Vec<Message<'static>> {
         phase_error: i32::MIN,
         speed_microhertz: turn,
         turns_shown: turn,
-        pulses_missed: turn,
         turn_on_screen: Some(turn),
         turns_received: turn,
         turns_abandoned: turn,

@@ -122,3 +122,10 @@ vocabulary! {
         TurnDamaged,
     }
 }
+
+impl State {
+    /// Whether a plane may be lit.
+    pub const fn may_light(self) -> bool {
+        matches!(self, Self::Locked | Self::Holdover | Self::Service)
+    }
+}

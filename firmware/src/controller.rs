@@ -1,0 +1,269 @@
+//! The whole controller as one pure step: an input and its time go in, what to do comes out.
+
+use crate::actuator::Actuator;
+use crate::config::{Config, ConfigError};
+use crate::plane_store::TurnHandle;
+use crate::projector_sync::ProjectorSync;
+use crate::rotation::RotationEstimator;
+use crate::safety::{Conditions, Levels, Safety};
+use crate::sequencer::{Frame, Sequencer};
+use crate::velocity_lock::{Reference, VelocityLock};
+use core::f32::consts::TAU;
+use protocol::message::{Command, Fault, State};
+use protocol::timing::Direction;
+use protocol::units::{Nanos, Turns};
+
+/// What may happen to a controller.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Input {
+    /// The control timer fired.
+    Tick {
+        /// The encoder's counter as latched at that moment; wraps, and grows counter-clockwise.
+        encoder_count: u32,
+    },
+    /// The projector began a frame; its first plane follows after the frame latency.
+    FramePulse {
+        /// When, by the capture timer.
+        at: Nanos,
+    },
+    /// The mirror passed its index.
+    IndexPulse {
+        /// When, by the capture timer.
+        at: Nanos,
+    },
+    /// The host commands.
+    Command(Command),
+    /// The turn in this slot is whole.
+    TurnReady(TurnHandle),
+    /// A safety input changed.
+    Levels(Levels),
+}
+
+/// What to do from now on, until the next output.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Output {
+    /// The torque to command, N m, counter-clockwise positive.
+    pub torque_nm: f32,
+    /// Whether the projector's light may be on, at once.
+    pub light: bool,
+    /// What the projector shows in the frame that it begins next. It is good for one frame: a projector that begins a frame for which
+    /// nothing was armed shows nothing.
+    pub armed: Option<Frame>,
+    /// Slots that may be filled again.
+    pub released: [Option<TurnHandle>; 2],
+    /// What the controller is doing.
+    pub state: State,
+    /// Why it stopped, in [`State::Fault`].
+    pub fault: Option<Fault>,
+}
+
+/// Estimates for telemetry; nothing depends on them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Estimates {
+    /// The mirror's angle.
+    pub angle: Turns,
+    /// Its speed, rad/s, counter-clockwise positive.
+    pub speed_rad_s: f32,
+    /// Phase error, slices; meaningful in [`State::Acquire`] and later.
+    pub phase_error_slices: f32,
+    /// The projector's frame rate, Hz.
+    pub frame_rate_hz: f32,
+    /// The mirror's moment of inertia, kg m².
+    pub inertia_kg_m2: f32,
+}
+
+/// The controller.
+#[derive(Clone, Debug)]
+pub struct Controller {
+    config: Config,
+    sign: f32,
+    frame_scale: u64,
+    projector: ProjectorSync,
+    rotation: RotationEstimator,
+    actuator: Actuator,
+    lock: VelocityLock,
+    sequencer: Sequencer,
+    safety: Safety,
+    service_slice: u16,
+    last_tick: Option<Nanos>,
+    armed_after: Option<u32>,
+    doubtful_frames: u32,
+    torque: f32,
+}
+
+/// A frame is armed once this share of the one before it has passed: its own start is then safely behind, and the next one ahead,
+/// whatever the jitter.
+const ARM_AFTER: f32 = 0.25;
+
+impl Controller {
+    /// Idle and dark, for the rig that `config` describes.
+    pub fn new(config: Config) -> Result<Self, ConfigError> {
+        let config = config.checked()?;
+        Ok(Self {
+            config,
+            sign: match config.rotation.direction() {
+                Direction::CounterClockwise => 1.0,
+                Direction::Clockwise => -1.0,
+            },
+            frame_scale: u64::MAX / u64::from(config.rotation.frames()),
+            projector: ProjectorSync::new(&config),
+            rotation: RotationEstimator::new(&config),
+            actuator: Actuator::new(&config),
+            lock: VelocityLock::new(&config),
+            sequencer: Sequencer::default(),
+            safety: Safety::new(config.limits),
+            service_slice: 0,
+            last_tick: None,
+            armed_after: None,
+            doubtful_frames: 0,
+            torque: 0.0,
+        })
+    }
+
+    /// Takes one input at `now`, which never runs backwards.
+    pub fn step(&mut self, now: Nanos, input: Input) -> Output {
+        let mut output = Output::default();
+        self.check_watchdog(now);
+        match input {
+            Input::Tick { encoder_count } => self.tick(now, encoder_count, &mut output),
+            Input::FramePulse { at } => {
+                self.projector.pulse(at);
+            }
+            Input::IndexPulse { at } => {
+                self.rotation.index(at);
+            }
+            Input::Command(command) => self.command(now, command),
+            Input::TurnReady(turn) => output.released[1] = self.sequencer.ready(turn),
+            Input::Levels(levels) => self.safety.levels(now, levels),
+        }
+        self.settle(&mut output);
+        output
+    }
+
+    /// What the controller believes.
+    pub fn estimates(&self) -> Estimates {
+        Estimates {
+            angle: self.config.rotation.angle(self.rotation.angle()),
+            speed_rad_s: self.rotation.speed() * self.sign,
+            phase_error_slices: self.lock.error_slices(),
+            frame_rate_hz: 1e9 / self.projector.period_ns(),
+            inertia_kg_m2: 1.0 / self.rotation.acceleration_per_torque(),
+        }
+    }
+
+    /// The estimator, for telemetry and tests.
+    pub fn rotation(&self) -> &RotationEstimator {
+        &self.rotation
+    }
+
+    /// What it was built with.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    fn check_watchdog(&mut self, now: Nanos) {
+        let late = self.last_tick.is_some_and(|tick| now.signed_since(tick) > self.config.limits.watchdog.0 as i64);
+        if late && self.safety.may_drive() {
+            self.safety.stop_for(now, Fault::Watchdog);
+        }
+    }
+
+    fn command(&mut self, now: Nanos, command: Command) {
+        if let Command::Service { slice, .. } = command {
+            if u32::from(slice) >= self.config.rotation.slices() {
+                return;
+            }
+            self.service_slice = slice;
+        }
+        self.safety.command(now, command, !self.rotation.is_moving());
+    }
+
+    fn tick(&mut self, now: Nanos, encoder_count: u32, output: &mut Output) {
+        self.last_tick = Some(now);
+        self.projector.coast(now);
+        let acted = self.actuator.advance();
+        self.rotation.tick(now, encoder_count, acted);
+        let conditions = self.conditions();
+        self.safety.tick(now, &conditions);
+        self.torque = if self.safety.may_drive() {
+            let reference = self.reference(now);
+            self.lock.torque(&self.rotation, reference, self.actuator.lead_s())
+        } else {
+            0.0
+        };
+        self.actuator.command(self.torque);
+        self.arm(now, output);
+    }
+
+    /// What holds after every input: no torque and no light but where safety allows them.
+    fn settle(&mut self, output: &mut Output) {
+        if !self.safety.may_drive() {
+            self.lock.release();
+            self.torque = 0.0;
+        }
+        let state = self.safety.state();
+        if !matches!(state, State::Locked | State::Holdover) {
+            self.sequencer.close();
+        }
+        output.state = state;
+        output.torque_nm = self.torque * self.sign;
+        output.light = self.safety.may_light() && (state == State::Service || !self.projector.is_doubtful());
+        output.fault = self.safety.fault();
+    }
+
+    fn reference(&self, now: Nanos) -> Option<Reference> {
+        let reading = self.projector.reading(now)?;
+        let frames = self.config.rotation.frames();
+        let speed = TAU * 1e9 / (self.projector.period_ns() * frames as f32);
+        if speed > 0.98 * self.config.limits.speed_max_rad_s {
+            return None;
+        }
+        let start = ((u64::from(reading.frame) * self.frame_scale) >> 32) as u32;
+        let part = (reading.fraction * (self.frame_scale >> 32) as f32) as u32;
+        Some(Reference { angle: Turns(start.wrapping_add(part)), speed })
+    }
+
+    fn conditions(&self) -> Conditions {
+        let mirror = self.rotation.sigma_rad() / self.config.slice_rad();
+        let clock = self.projector.sigma_frames() * self.config.rotation.planes_per_frame() as f32;
+        Conditions {
+            speeds_rad_s: [self.rotation.speed(), self.rotation.counted_speed()],
+            torque_share: self.torque / self.config.motor.torque_max_nm,
+            moving: self.rotation.is_moving(),
+            encoder_silent: self.rotation.encoder_is_silent(),
+            turns_since_index: self.rotation.turns_since_index(),
+            clock_known: self.projector.is_tracking(),
+            frames_missing: self.projector.frames_missing(),
+            tracking: self.lock.is_tracking(),
+            error_slices: self.lock.error_slices(),
+            rate_slices_s: self.lock.rate_slices_s(),
+            sigma_slices: libm::sqrtf(mirror * mirror + clock * clock),
+        }
+    }
+
+    fn arm(&mut self, now: Nanos, output: &mut Output) {
+        if self.safety.state() == State::Service {
+            let (frame, released) = self.sequencer.still(self.service_slice);
+            (output.armed, output.released[0]) = (Some(frame), released);
+            return;
+        }
+        let Some(reading) = self.projector.reading(now) else {
+            return;
+        };
+        if reading.fraction < ARM_AFTER || self.armed_after == Some(reading.serial) {
+            return;
+        }
+        self.armed_after = Some(reading.serial);
+        self.doubtful_frames = if self.projector.is_doubtful() { self.doubtful_frames + 1 } else { 0 };
+        // A doubt of a frame leaves a gap in the turn; one of half a turn ends it.
+        let doubted = 2 * self.doubtful_frames > self.config.rotation.frames().max(2);
+        let lit = matches!(self.safety.state(), State::Locked | State::Holdover) && !doubted;
+        let next = (reading.frame + 1 + self.lock.slot()) % self.config.rotation.frames();
+        let (frame, released) = self.sequencer.arm(next, lit);
+        (output.armed, output.released[0]) = (Some(frame), released);
+    }
+}
+
+#[cfg(test)]
+#[path = "controller_tests.rs"]
+mod tests;

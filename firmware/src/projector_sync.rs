@@ -1,0 +1,273 @@
+//! Frame pulses to a disciplined clock: where in which frame the projector is.
+//!
+//! A two-state Kalman filter (edge, period) behind a 6 sigma gate. A lost pulse costs nothing, an extra one is refused, and three
+//! intervals that agree with each other but not with the filter restart it on the new rate.
+
+use crate::config::Config;
+use protocol::units::Nanos;
+
+/// What a pulse meant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pulse {
+    /// The clock is not known yet.
+    Searching,
+    /// It agreed with the clock.
+    Accepted,
+    /// It did not; the clock runs on as before.
+    Refused,
+    /// It started the clock, or started it anew at another rate or phase.
+    Restarted,
+}
+
+/// A place in the projector's sequence of frames, as far as light goes: latency is taken off.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClockReading {
+    /// The frame on screen, counted without end; wraps.
+    pub serial: u32,
+    /// The same, counted modulo the frames of a turn from an arbitrary start.
+    pub frame: u32,
+    /// How much of it has passed, 0 ≤ fraction < 1.
+    pub fraction: f32,
+}
+
+/// Nanoseconds with a fraction: whole ones never lose digits, however long the controller runs.
+#[derive(Clone, Copy, Debug, Default)]
+struct Fine {
+    whole: u64,
+    rest: f32,
+}
+
+impl Fine {
+    fn plus(self, nanos: u64, rest: f32) -> Self {
+        let sum = self.rest + rest;
+        let carried = libm::roundf(sum);
+        Self { whole: self.whole.wrapping_add(nanos).wrapping_add(carried as i64 as u64), rest: sum - carried }
+    }
+
+    /// `at - self` in nanoseconds.
+    fn until(self, at: Nanos) -> f32 {
+        at.0.wrapping_sub(self.whole) as i64 as f32 - self.rest
+    }
+}
+
+const GATE_SIGMAS: f32 = 6.0;
+/// Intervals that must agree before they are believed.
+const AGREEING: usize = 3;
+
+/// The filter.
+#[derive(Clone, Debug)]
+pub struct ProjectorSync {
+    frames_per_turn: u32,
+    latency_ns: u64,
+    nominal_ns: f32,
+    jitter_variance: f32,
+    wander_per_sqrt_s: f32,
+    stamps: [Nanos; AGREEING + 1],
+    stamps_held: usize,
+    tracking: bool,
+    edge: Fine,
+    period: Fine,
+    frame: u32,
+    serial: u32,
+    frames_since_pulse: u32,
+    refused: u32,
+    doubtful: bool,
+    // Of (edge, period), in ns².
+    variance_edge: f32,
+    covariance: f32,
+    variance_period: f32,
+}
+
+impl ProjectorSync {
+    /// Knows nothing yet.
+    pub fn new(config: &Config) -> Self {
+        // A capture timer resolves a few nanoseconds; a clock said to be perfect is not believed beyond that.
+        let jitter_ns = config.clock.frame_jitter_ns.max(10.0);
+        Self {
+            frames_per_turn: config.rotation.frames(),
+            latency_ns: config.clock.frame_latency.0,
+            nominal_ns: config.rotation.frame_nanos() as f32,
+            jitter_variance: jitter_ns * jitter_ns,
+            wander_per_sqrt_s: config.clock.wander_ppm_per_sqrt_s.max(0.05) * 1e-6,
+            stamps: [Nanos::ZERO; AGREEING + 1],
+            stamps_held: 0,
+            tracking: false,
+            edge: Fine::default(),
+            period: Fine::default(),
+            frame: 0,
+            serial: 0,
+            frames_since_pulse: 0,
+            refused: 0,
+            doubtful: false,
+            variance_edge: 0.0,
+            covariance: 0.0,
+            variance_period: 0.0,
+        }
+    }
+
+    /// Whether the clock is known.
+    pub fn is_tracking(&self) -> bool {
+        self.tracking
+    }
+
+    /// Whether the last pulse contradicted the clock, so that what is on screen is not known until the next one.
+    pub fn is_doubtful(&self) -> bool {
+        self.doubtful
+    }
+
+    /// Frames since the last accepted pulse.
+    pub fn frames_missing(&self) -> u32 {
+        self.frames_since_pulse
+    }
+
+    /// The duration of a frame, ns; the nominal one while nothing is known.
+    pub fn period_ns(&self) -> f32 {
+        if self.tracking { self.period.whole as f32 + self.period.rest } else { self.nominal_ns }
+    }
+
+    /// The standard deviation of the clock's phase now, in frames.
+    pub fn sigma_frames(&self) -> f32 {
+        libm::sqrtf(self.variance_edge.max(0.0)) / self.period_ns()
+    }
+
+    /// Forgets the clock, as after a long silence.
+    pub fn forget(&mut self) {
+        self.tracking = false;
+        self.stamps_held = 0;
+        self.doubtful = false;
+    }
+
+    /// Takes a frame pulse captured at `at`.
+    pub fn pulse(&mut self, at: Nanos) -> Pulse {
+        if self.stamps_held > 0 && at.signed_since(self.stamps[AGREEING]) <= 0 {
+            return Pulse::Refused;
+        }
+        self.stamps.rotate_left(1);
+        self.stamps[AGREEING] = at;
+        self.stamps_held = (self.stamps_held + 1).min(AGREEING + 1);
+        let accepted = self.tracking && self.accept(at);
+        if let Some(period_ns) = self.agreed_period()
+            && (!self.tracking || self.refused >= AGREEING as u32 || self.is_another_rate(period_ns))
+        {
+            self.restart(at, period_ns);
+            return Pulse::Restarted;
+        }
+        match (self.tracking, accepted) {
+            (false, _) => Pulse::Searching,
+            (true, true) => Pulse::Accepted,
+            (true, false) => Pulse::Refused,
+        }
+    }
+
+    /// Lets the clock run on to `now` without a pulse. Call at every control tick.
+    pub fn coast(&mut self, now: Nanos) {
+        // Half a frame of grace, so that a pulse that is a little late still meets the edge that it belongs to.
+        for _ in 0..4 {
+            if !self.tracking || self.edge.until(now) < 1.5 * self.period_ns() {
+                return;
+            }
+            self.next_frame();
+        }
+        if self.edge.until(now) > 1e3 * self.period_ns() {
+            self.forget();
+        }
+    }
+
+    /// Which frame is on screen at `at`, which must be near now.
+    pub fn reading(&self, at: Nanos) -> Option<ClockReading> {
+        if !self.tracking {
+            return None;
+        }
+        let frames = self.edge.plus(self.latency_ns, 0.0).until(at) / self.period_ns();
+        let whole = libm::floorf(frames);
+        let frame = (self.frame as i32 + whole as i32).rem_euclid(self.frames_per_turn as i32) as u32;
+        let serial = self.serial.wrapping_add_signed(whole as i32);
+        Some(ClockReading { serial, frame, fraction: (frames - whole).clamp(0.0, 0.999_999_9) })
+    }
+
+    fn accept(&mut self, at: Nanos) -> bool {
+        let frames = libm::roundf(self.edge.until(at) / self.period_ns());
+        if !(1.0..=64.0).contains(&frames) {
+            // A second pulse at an edge that was already seen tells nothing new; elsewhere it contradicts the clock.
+            let at_edge =
+                self.edge.until(at).abs() < GATE_SIGMAS * libm::sqrtf(self.variance_edge + self.jitter_variance);
+            self.doubtful |= !at_edge;
+            return false;
+        }
+        let mut ahead = self.clone();
+        for _ in 0..frames as u32 {
+            ahead.next_frame();
+        }
+        let innovation = ahead.edge.until(at);
+        let variance = ahead.variance_edge + self.jitter_variance;
+        if innovation * innovation > GATE_SIGMAS * GATE_SIGMAS * variance {
+            self.refused += 1;
+            self.doubtful = true;
+            return false;
+        }
+        let (gain_edge, gain_period) = (ahead.variance_edge / variance, ahead.covariance / variance);
+        ahead.edge = ahead.edge.plus(0, gain_edge * innovation);
+        ahead.period = ahead.period.plus(0, gain_period * innovation);
+        ahead.variance_period -= gain_period * ahead.covariance;
+        ahead.covariance *= 1.0 - gain_edge;
+        ahead.variance_edge *= 1.0 - gain_edge;
+        ahead.refused = 0;
+        ahead.doubtful = false;
+        ahead.frames_since_pulse = 0;
+        *self = ahead;
+        true
+    }
+
+    fn next_frame(&mut self) {
+        let seconds = self.period_ns() * 1e-9;
+        let wander_ns = self.wander_per_sqrt_s * self.period_ns();
+        self.edge = self.edge.plus(self.period.whole, self.period.rest);
+        self.frame = (self.frame + 1) % self.frames_per_turn;
+        self.serial = self.serial.wrapping_add(1);
+        self.frames_since_pulse = self.frames_since_pulse.saturating_add(1);
+        self.variance_edge += 2.0 * self.covariance + self.variance_period;
+        self.covariance += self.variance_period;
+        self.variance_period += wander_ns * wander_ns * seconds;
+    }
+
+    /// The period in which the last intervals agree, if they do.
+    fn agreed_period(&self) -> Option<f32> {
+        if self.stamps_held <= AGREEING {
+            return None;
+        }
+        let interval = |i: usize| self.stamps[i + 1].signed_since(self.stamps[i]) as f32;
+        let mean = self.stamps[AGREEING].signed_since(self.stamps[0]) as f32 / AGREEING as f32;
+        let agree = (0..AGREEING).all(|i| (interval(i) - mean).abs() < self.interval_tolerance_ns(mean));
+        // A projector may run at a quarter or at four times the rate that the rig names; anything else is no frame clock.
+        (agree && mean > 0.25 * self.nominal_ns && mean < 4.0 * self.nominal_ns).then_some(mean)
+    }
+
+    fn is_another_rate(&self, period_ns: f32) -> bool {
+        (period_ns - self.period_ns()).abs() > self.interval_tolerance_ns(period_ns)
+    }
+
+    fn interval_tolerance_ns(&self, interval_ns: f32) -> f32 {
+        GATE_SIGMAS * libm::sqrtf(2.0 * self.jitter_variance) + 1e-4 * interval_ns
+    }
+
+    fn restart(&mut self, at: Nanos, period_ns: f32) {
+        if self.tracking {
+            // Numbering goes on with the pulses that were refused, so that a slight change of rate keeps the picture where it is.
+            self.frame = (self.frame + self.refused) % self.frames_per_turn;
+            self.serial = self.serial.wrapping_add(self.refused + 1);
+        }
+        self.tracking = true;
+        self.edge = Fine { whole: at.0, rest: 0.0 };
+        self.period = Fine::default().plus(0, period_ns);
+        self.variance_edge = self.jitter_variance;
+        self.covariance = self.jitter_variance / AGREEING as f32;
+        self.variance_period = 2.0 * self.jitter_variance / (AGREEING * AGREEING) as f32;
+        self.refused = 0;
+        self.doubtful = false;
+        self.frames_since_pulse = 0;
+    }
+}
+
+#[cfg(test)]
+#[path = "projector_sync_tests.rs"]
+mod tests;

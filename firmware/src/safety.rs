@@ -1,0 +1,240 @@
+//! States and interlocks: when torque may be given, when light, and why not.
+
+use crate::config::Limits;
+use protocol::message::{Command, Fault, State};
+use protocol::units::Nanos;
+
+/// What safety judges, once a control tick.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Conditions {
+    /// The mirror's speed by the filter and by bare counts, rad/s.
+    pub speeds_rad_s: [f32; 2],
+    /// Torque commanded, as a share of the limit.
+    pub torque_share: f32,
+    /// The mirror turns.
+    pub moving: bool,
+    /// The encoder is silent although the mirror turns.
+    pub encoder_silent: bool,
+    /// Turns since the last index.
+    pub turns_since_index: f32,
+    /// The projector's clock is known.
+    pub clock_known: bool,
+    /// Frames since the last pulse.
+    pub frames_missing: u32,
+    /// The loop is at the end of its planned way.
+    pub tracking: bool,
+    /// Estimated phase error, slices.
+    pub error_slices: f32,
+    /// Its rate, slices a second.
+    pub rate_slices_s: f32,
+    /// Standard deviation of the phase error by sensors and clock, slices.
+    pub sigma_slices: f32,
+}
+
+/// Levels of the safety inputs: true is active.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Levels {
+    /// The emergency stop is pressed.
+    pub emergency_stop: bool,
+    /// The guard is open.
+    pub guard_open: bool,
+}
+
+/// The state machine.
+#[derive(Clone, Debug)]
+pub struct Safety {
+    limits: Limits,
+    state: State,
+    fault: Option<Fault>,
+    levels: Levels,
+    entered: Nanos,
+    driven_since: Nanos,
+    service_until: Nanos,
+    steady_since: Option<Nanos>,
+    still_since: Option<Nanos>,
+    fast_ticks: u32,
+    trusted: bool,
+}
+
+/// In step: this close, for this long.
+const LOCK_SLICES: f32 = 0.06;
+const LOCK_RATE_SLICES_S: f32 = 6.0;
+const LOCK_STEADY: Nanos = Nanos(4_000_000);
+/// Out of step from here on: half of what a plane may be off.
+const UNLOCK_SLICES: f32 = 0.25;
+/// Light goes out where three sigmas of the estimate reach this.
+const DARK_SLICES: f32 = 0.4;
+const FRAMES_TO_HOLDOVER: u32 = 3;
+const TURNS_TO_HOLDOVER: f32 = 2.5;
+const STALL: Nanos = Nanos(1_000_000_000);
+const SERVICE_MAX_MS: u32 = 60_000;
+
+impl Safety {
+    /// Idle.
+    pub fn new(limits: Limits) -> Self {
+        Self {
+            limits,
+            state: State::Idle,
+            fault: None,
+            levels: Levels::default(),
+            entered: Nanos::ZERO,
+            driven_since: Nanos::ZERO,
+            service_until: Nanos::ZERO,
+            steady_since: None,
+            still_since: None,
+            fast_ticks: 0,
+            trusted: false,
+        }
+    }
+
+    /// The state.
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// Why it is [`State::Fault`], if it is.
+    pub fn fault(&self) -> Option<Fault> {
+        self.fault
+    }
+
+    /// Whether the mirror may be driven.
+    pub fn may_drive(&self) -> bool {
+        matches!(self.state, State::SpinUp | State::Acquire | State::Locked | State::Holdover)
+    }
+
+    /// Whether planes may be lit: the state allows it and the estimate is good enough.
+    pub fn may_light(&self) -> bool {
+        self.state.may_light() && (self.state == State::Service || self.trusted)
+    }
+
+    /// Stops for `fault`; the first one stays until it is cleared.
+    pub fn stop_for(&mut self, now: Nanos, fault: Fault) {
+        self.fault.get_or_insert(fault);
+        self.enter(now, State::Fault);
+    }
+
+    /// Takes the levels of the safety inputs.
+    pub fn levels(&mut self, now: Nanos, levels: Levels) {
+        self.levels = levels;
+        if levels.emergency_stop {
+            self.stop_for(now, Fault::EmergencyStop);
+        } else if levels.guard_open {
+            self.stop_for(now, Fault::GuardOpen);
+        }
+    }
+
+    /// Obeys `command` where the state allows it; else nothing happens. `parked`: the mirror stands.
+    pub fn command(&mut self, now: Nanos, command: Command, parked: bool) {
+        match (command, self.state) {
+            (Command::Start, State::Idle | State::Service) => {
+                self.driven_since = now;
+                self.enter(now, State::SpinUp);
+            }
+            (Command::Stop, State::Fault) => {}
+            (Command::Stop, _) => self.enter(now, State::Idle),
+            (Command::Service { duration_ms, .. }, State::Idle | State::Service) if parked => {
+                self.service_until = now + Nanos(u64::from(duration_ms.min(SERVICE_MAX_MS)) * 1_000_000);
+                self.enter(now, State::Service);
+            }
+            (Command::ClearFault, State::Fault) if self.levels == Levels::default() => {
+                self.fault = None;
+                self.enter(now, State::Idle);
+            }
+            _ => {}
+        }
+    }
+
+    /// Judges one control tick.
+    pub fn tick(&mut self, now: Nanos, conditions: &Conditions) {
+        self.trusted = 3.0 * conditions.sigma_slices < DARK_SLICES && conditions.error_slices.abs() < UNLOCK_SLICES;
+        if self.state == State::Service && (now >= self.service_until || conditions.moving) {
+            self.enter(now, State::Idle);
+        }
+        if !self.may_drive() {
+            return;
+        }
+        if let Some(fault) = self.find_fault(now, conditions) {
+            self.stop_for(now, fault);
+            return;
+        }
+        self.follow_lock(now, conditions);
+    }
+
+    fn enter(&mut self, now: Nanos, state: State) {
+        if self.state != state {
+            self.state = state;
+            self.entered = now;
+            self.steady_since = None;
+            self.still_since = None;
+        }
+    }
+
+    fn find_fault(&mut self, now: Nanos, conditions: &Conditions) -> Option<Fault> {
+        let fast = conditions.speeds_rad_s.iter().any(|speed| speed.abs() > self.limits.speed_max_rad_s);
+        // A window of wrong counts lasts 32 ticks; a mirror that is too fast stays so for longer.
+        self.fast_ticks = if fast { self.fast_ticks + 1 } else { 0 };
+        if self.fast_ticks > 40 {
+            return Some(Fault::Overspeed);
+        }
+        let still = conditions.torque_share.abs() > 0.3 && !conditions.moving;
+        self.still_since = still.then(|| self.still_since.unwrap_or(now));
+        if self.still_since.is_some_and(|since| now - since > STALL) {
+            return Some(Fault::Stall);
+        }
+        let index_silent = conditions.turns_since_index > TURNS_TO_HOLDOVER;
+        if conditions.encoder_silent && index_silent {
+            return Some(Fault::SensorLost);
+        }
+        let waiting = self.state == State::SpinUp || self.state == State::Acquire;
+        let waited = now - self.entered > self.limits.holdover;
+        if waited && !waiting && self.state == State::Holdover {
+            let projector = conditions.frames_missing >= FRAMES_TO_HOLDOVER || !conditions.clock_known;
+            return Some(if projector { Fault::ProjectorLost } else { Fault::SensorLost });
+        }
+        if waiting && now - self.driven_since > self.limits.lock {
+            let silent = conditions.encoder_silent || index_silent;
+            return Some(match conditions.clock_known {
+                false => Fault::ProjectorLost,
+                true if silent => Fault::SensorLost,
+                true => Fault::LockTimeout,
+            });
+        }
+        None
+    }
+
+    fn follow_lock(&mut self, now: Nanos, conditions: &Conditions) {
+        let missing = conditions.frames_missing >= FRAMES_TO_HOLDOVER
+            || conditions.encoder_silent
+            || conditions.turns_since_index > TURNS_TO_HOLDOVER;
+        let lost = !conditions.clock_known || !conditions.tracking || conditions.error_slices.abs() > UNLOCK_SLICES;
+        match self.state {
+            State::Locked | State::Holdover if lost => {
+                self.driven_since = now;
+                let near = conditions.clock_known && conditions.error_slices.abs() < 12.0;
+                self.enter(now, if near { State::Acquire } else { State::SpinUp });
+            }
+            State::Locked if missing => self.enter(now, State::Holdover),
+            State::Holdover if !missing => self.enter(now, State::Locked),
+            State::SpinUp if conditions.tracking => self.enter(now, State::Acquire),
+            State::Acquire if !conditions.tracking && conditions.rate_slices_s.abs() > 200.0 => {
+                self.enter(now, State::SpinUp);
+            }
+            State::Acquire => {
+                let steady = conditions.tracking
+                    && conditions.error_slices.abs() < LOCK_SLICES
+                    && conditions.rate_slices_s.abs() < LOCK_RATE_SLICES_S
+                    && 3.0 * conditions.sigma_slices < DARK_SLICES
+                    && !missing;
+                self.steady_since = steady.then(|| self.steady_since.unwrap_or(now));
+                if self.steady_since.is_some_and(|since| now - since >= LOCK_STEADY) {
+                    self.enter(now, State::Locked);
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "safety_tests.rs"]
+mod tests;

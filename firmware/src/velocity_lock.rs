@@ -1,0 +1,248 @@
+//! The phase-locked loop that turns the mirror in step with the projector.
+//!
+//! Phase error is mirror less projector, in radians of the mirror. Until the mirror is in step the loop follows a planned way of the
+//! error to zero; what it feeds forward is the estimated inertia, friction and imbalance, so feedback only sees what is left. There is
+//! no integrator to wind up: what an integrator would hold is the estimator's friction, and that is learnt from the torque that the
+//! motor was really given.
+
+use crate::angle::{advanced, radians_between};
+use crate::config::Config;
+use crate::rotation::RotationEstimator;
+use crate::trajectory::{Trajectory, Waypoint};
+use core::f32::consts::TAU;
+use protocol::units::Turns;
+
+/// What the mirror is to follow, now.
+#[derive(Clone, Copy, Debug)]
+pub struct Reference {
+    /// Where the plane on screen belongs, as progress since the index, for slot 0.
+    pub angle: Turns,
+    /// How fast that moves, rad/s.
+    pub speed: f32,
+}
+
+/// What the loop is doing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Phase {
+    /// No torque.
+    Off,
+    /// As much torque as there is, until it is worth planning.
+    Rush,
+    /// On a planned way.
+    Follow { way: Trajectory, elapsed_s: f32 },
+    /// In step.
+    Track,
+}
+
+/// The loop.
+#[derive(Clone, Debug)]
+pub struct VelocityLock {
+    torque_max_nm: f32,
+    frames: u32,
+    slice_rad: f32,
+    tick_s: f32,
+    gain_error: f32,
+    gain_rate: f32,
+    phase: Phase,
+    slot: u32,
+    error: f32,
+    rate: f32,
+    saturated_ticks: u32,
+    probe_left_s: f32,
+}
+
+/// Bandwidth of the feedback. Six hertz is slow against the millisecond of delay, and fast against what the model leaves out.
+const BANDWIDTH_RAD_S: f32 = 38.0;
+const DAMPING: f32 = 0.9;
+/// Shares of the torque limit: of a rush, of a planned way, the rest being for feedback.
+const RUSH_SHARE: f32 = 0.98;
+const PLAN_SHARE: f32 = 0.95;
+/// A landing is planned when this share of the speed is left. Earlier wastes torque that drag does not need yet; later leaves fewer
+/// places to choose from.
+const PLAN_BELOW: f32 = 0.3;
+/// Inertia and friction look the same under constant torque, and a landing that mistakes one for the other is off by as much as the
+/// torque changes. So a rush dips to this share for a moment where inertia is not known to this relative precision.
+const PROBE_SHARE: f32 = 0.5;
+const PROBE_S: f32 = 0.025;
+const PROBE_BELOW: f32 = 0.4;
+const PROBE_PRECISION: f32 = 0.015;
+/// Indices that must have agreed with the encoder before a landing is planned.
+const INDICES_BEFORE_PLAN: u32 = 3;
+/// From this many slices away a mirror in step is brought back on a planned way.
+const REPLAN_SLICES: f32 = 1.0;
+
+impl VelocityLock {
+    /// Off.
+    pub fn new(config: &Config) -> Self {
+        Self {
+            torque_max_nm: config.motor.torque_max_nm,
+            frames: config.rotation.frames(),
+            slice_rad: config.slice_rad(),
+            tick_s: 1.0 / config.control_rate_hz,
+            gain_error: BANDWIDTH_RAD_S * BANDWIDTH_RAD_S,
+            gain_rate: 2.0 * DAMPING * BANDWIDTH_RAD_S,
+            phase: Phase::Off,
+            slot: 0,
+            error: 0.0,
+            rate: 0.0,
+            saturated_ticks: 0,
+            probe_left_s: 0.0,
+        }
+    }
+
+    /// Lets go of the mirror.
+    pub fn release(&mut self) {
+        self.phase = Phase::Off;
+    }
+
+    /// Whether the planned way is done and the mirror is kept in step.
+    pub fn is_tracking(&self) -> bool {
+        self.phase == Phase::Track
+    }
+
+    /// By how many frames of a turn the mirror's place is ahead of the projector's count of frames.
+    pub fn slot(&self) -> u32 {
+        self.slot
+    }
+
+    /// Estimated phase error, slices; meaningful while tracking.
+    pub fn error_slices(&self) -> f32 {
+        self.error / self.slice_rad
+    }
+
+    /// Estimated rate of the phase error, slices a second.
+    pub fn rate_slices_s(&self) -> f32 {
+        self.rate / self.slice_rad
+    }
+
+    /// The torque for the coming tick, N m in the mirror's direction, within the limit. `lead_s`: how long before its effect a torque
+    /// is commanded. Without a reference the mirror is left alone.
+    pub fn torque(&mut self, mirror: &RotationEstimator, reference: Option<Reference>, lead_s: f32) -> f32 {
+        let Some(reference) = reference else {
+            self.phase = Phase::Off;
+            return 0.0;
+        };
+        self.error = radians_between(reference.angle + self.slot_angle(), mirror.angle());
+        self.rate = mirror.speed() - reference.speed;
+        self.change_phase(mirror, reference);
+        let wanted = match self.phase {
+            Phase::Off => 0.0,
+            Phase::Rush => self.rush(mirror, reference),
+            Phase::Follow { way, elapsed_s } => {
+                self.phase = Phase::Follow { way, elapsed_s: elapsed_s + self.tick_s };
+                self.follow(mirror, reference, way.at(elapsed_s), way.at(elapsed_s + lead_s), lead_s)
+            }
+            Phase::Track => self.follow(mirror, reference, Waypoint::default(), Waypoint::default(), lead_s),
+        };
+        let torque = if wanted.is_finite() { wanted.clamp(-self.torque_max_nm, self.torque_max_nm) } else { 0.0 };
+        self.saturated_ticks = if torque == wanted { 0 } else { self.saturated_ticks + 1 };
+        torque
+    }
+
+    fn slot_angle(&self) -> Turns {
+        Turns::fraction(u64::from(self.slot), u64::from(self.frames))
+    }
+
+    fn change_phase(&mut self, mirror: &RotationEstimator, reference: Reference) {
+        match self.phase {
+            Phase::Off => {
+                self.phase = Phase::Rush;
+                self.probe_left_s = PROBE_S;
+            }
+            Phase::Rush => {
+                let near = self.rate.abs() < PLAN_BELOW * reference.speed;
+                let probing = self.wants_probe(mirror, reference);
+                if probing {
+                    self.probe_left_s -= self.tick_s;
+                } else if near && mirror.is_anchored(INDICES_BEFORE_PLAN) {
+                    self.plan(mirror, reference);
+                }
+            }
+            Phase::Follow { way, elapsed_s } => {
+                if elapsed_s >= way.duration_s() {
+                    self.phase = Phase::Track;
+                } else if self.saturated_ticks as f32 * self.tick_s > 0.03 || self.has_strayed(way.at(elapsed_s)) {
+                    self.plan(mirror, reference);
+                }
+            }
+            Phase::Track => {
+                if self.has_strayed(Waypoint::default()) {
+                    self.plan(mirror, reference);
+                }
+            }
+        }
+    }
+
+    fn wants_probe(&self, mirror: &RotationEstimator, reference: Reference) -> bool {
+        let rate = self.rate.abs();
+        let begun = self.probe_left_s < PROBE_S;
+        let due = begun || (rate < PROBE_BELOW * reference.speed && mirror.sigma_inertia() > PROBE_PRECISION);
+        due && self.probe_left_s > 0.0 && rate > 0.1 * reference.speed && mirror.is_anchored(1)
+    }
+
+    fn has_strayed(&self, place: Waypoint) -> bool {
+        let off = radians_between(advanced(Turns::ZERO, place.error), advanced(Turns::ZERO, self.error));
+        let allowed = REPLAN_SLICES * self.slice_rad;
+        // Far from the end the estimate still moves, and there is time.
+        off.abs() > allowed + 0.05 * place.error.abs() || (self.rate - place.rate).abs() > 2.0 + 0.1 * place.rate.abs()
+    }
+
+    /// The acceleration that torque allows on the way to the reference's speed, both ways.
+    fn acceleration_limit(&self, mirror: &RotationEstimator, reference: Reference) -> f32 {
+        let torque = PLAN_SHARE * self.torque_max_nm;
+        if self.rate < 0.0 {
+            mirror.acceleration_for(torque, reference.speed)
+        } else {
+            -mirror.acceleration_for(-torque, reference.speed)
+        }
+    }
+
+    fn plan(&mut self, mirror: &RotationEstimator, reference: Reference) {
+        self.saturated_ticks = 0;
+        if self.rate.abs() > PLAN_BELOW * reference.speed.abs() * 1.5 + 5.0 {
+            self.phase = Phase::Rush;
+            return;
+        }
+        let limit = self.acceleration_limit(mirror, reference).max(1.0);
+        let spacing = TAU / self.frames as f32;
+        let way = match Trajectory::landing(self.error, self.rate, spacing, limit) {
+            Some(way) => way,
+            None => {
+                // Where the mirror would come to rest by itself decides which place is nearest.
+                let ahead = self.error + 0.1 * self.rate;
+                let start = self.error - spacing * libm::roundf(ahead / spacing);
+                Trajectory::glide(start, self.rate, 0.7 * limit)
+            }
+        };
+        let places = libm::roundf((self.error - way.at(0.0).error) / spacing) as i32;
+        self.slot = (self.slot as i32 + places).rem_euclid(self.frames as i32) as u32;
+        self.error -= places as f32 * spacing;
+        self.phase = Phase::Follow { way, elapsed_s: 0.0 };
+    }
+
+    fn rush(&self, mirror: &RotationEstimator, reference: Reference) -> f32 {
+        // Also where the plan has to wait (no index yet): full torque far from the speed, less near it.
+        let near = 0.05 * reference.speed;
+        let share = (-self.rate / near).clamp(-1.0, 1.0);
+        if share.abs() < 1.0 {
+            let holding = mirror.torque_for(0.0, mirror.speed(), mirror.angle());
+            return holding + share * (RUSH_SHARE * self.torque_max_nm - holding.abs()).max(0.0);
+        }
+        let probing = if self.wants_probe(mirror, reference) { PROBE_SHARE } else { 1.0 };
+        share * probing * RUSH_SHARE * self.torque_max_nm
+    }
+
+    fn follow(
+        &self,
+        mirror: &RotationEstimator,
+        reference: Reference,
+        now: Waypoint,
+        soon: Waypoint,
+        lead_s: f32,
+    ) -> f32 {
+        let off = radians_between(advanced(Turns::ZERO, now.error), advanced(Turns::ZERO, self.error));
+        let feedback = -self.gain_error * off - self.gain_rate * (self.rate - now.rate);
+        let angle = advanced(mirror.angle(), mirror.speed() * lead_s);
+        mirror.torque_for(soon.acceleration + feedback, reference.speed + soon.rate, angle)
+    }
+}

@@ -1,0 +1,193 @@
+//! The projector: a free clock, pulses that announce its frames with jitter, and light that follows the clock smoothly.
+
+use crate::motor::ProjectorClock;
+use crate::noise::{Noise, Source};
+use firmware::sequencer::Frame;
+use protocol::timing::Rotation;
+use std::collections::VecDeque;
+
+/// One frame of light.
+#[derive(Clone, Copy, Debug)]
+struct Light {
+    start: f64,
+    period: f64,
+}
+
+/// The clock and what is on screen. Times in nanoseconds.
+#[derive(Clone, Debug)]
+pub struct Projector {
+    planes: u32,
+    period_ns: f64,
+    rate_error: f64,
+    wander_per_sqrt_s: f64,
+    jitter_ns: f64,
+    latency_ns: f64,
+    rate_noise: Noise,
+    pulse_noise: Noise,
+    next_edge: f64,
+    pulse_at: f64,
+    coming: VecDeque<Light>,
+    light: Light,
+    next_plane: u32,
+    armed: Option<Frame>,
+    shown: Frame,
+}
+
+/// The start of a plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlaneStart {
+    /// Which plane of its frame.
+    pub plane: u32,
+    /// What the projector shows in this frame.
+    pub frame: Frame,
+    /// How long the plane lasts, ns.
+    pub duration_ns: f64,
+}
+
+impl Projector {
+    /// Starts somewhere in its first frame. `latency_ns`: from a frame pulse to its first plane.
+    pub fn new(rotation: &Rotation, latency_ns: f64, clock: &ProjectorClock, seed: u64) -> Self {
+        let mut start = Noise::new(seed ^ 0x9e37_79b9_7f4a_7c15, Source::Start);
+        let period_ns = 1e15 / rotation.refresh_microhertz() as f64;
+        let mut projector = Self {
+            planes: rotation.planes_per_frame(),
+            period_ns,
+            rate_error: clock.error_ppm * 1e-6,
+            wander_per_sqrt_s: clock.wander_ppm_per_sqrt_s * 1e-6,
+            jitter_ns: clock.frame_jitter_us * 1e3,
+            latency_ns,
+            rate_noise: Noise::new(seed, Source::ProjectorRate),
+            pulse_noise: Noise::new(seed, Source::FramePulses),
+            next_edge: (0.1 + start.uniform()) * period_ns,
+            pulse_at: 0.0,
+            coming: VecDeque::new(),
+            light: Light { start: 0.0, period: period_ns },
+            next_plane: 0,
+            armed: None,
+            shown: Frame::Dark,
+        };
+        projector.begin_frame();
+        projector.light = projector.coming.pop_front().unwrap_or(projector.light);
+        projector
+    }
+
+    /// Runs at another nominal rate from the next frame on.
+    pub fn set_rate(&mut self, hz: f64) {
+        self.period_ns = 1e9 / hz;
+    }
+
+    /// The rate that it is set to, Hz.
+    pub fn nominal_hz(&self) -> f64 {
+        1e9 / self.period_ns
+    }
+
+    /// What to show in the next frame.
+    pub fn arm(&mut self, frame: Frame) {
+        self.armed = Some(frame);
+    }
+
+    /// When the next plane starts, ns.
+    pub fn next_plane_at(&self) -> f64 {
+        self.light.start + self.light.period * f64::from(self.next_plane) / f64::from(self.planes)
+    }
+
+    /// Starts the next plane.
+    pub fn start_plane(&mut self) -> PlaneStart {
+        if self.next_plane == 0 {
+            self.shown = self.armed.take().unwrap_or_default();
+        }
+        let start = PlaneStart {
+            plane: self.next_plane,
+            frame: self.shown,
+            duration_ns: self.light.period / f64::from(self.planes),
+        };
+        self.next_plane += 1;
+        if self.next_plane == self.planes {
+            self.next_plane = 0;
+            let after = Light { start: self.light.start + self.light.period, period: self.light.period };
+            self.light = self.coming.pop_front().unwrap_or(after);
+        }
+        start
+    }
+
+    /// When the next frame pulse is seen, ns.
+    pub fn pulse_at(&self) -> f64 {
+        self.pulse_at
+    }
+
+    /// The pulse has been: the clock goes on to its next edge.
+    pub fn pass_pulse(&mut self) {
+        self.begin_frame();
+    }
+
+    fn begin_frame(&mut self) {
+        let period = self.draw_period();
+        self.coming.push_back(Light { start: self.next_edge + self.latency_ns, period });
+        self.pulse_at = self.next_edge + self.jitter_ns * self.pulse_noise.normal();
+        self.next_edge += period;
+    }
+
+    fn draw_period(&mut self) -> f64 {
+        let seconds = self.period_ns * 1e-9;
+        self.rate_error += self.wander_per_sqrt_s * seconds.sqrt() * self.rate_noise.normal();
+        self.period_ns / (1.0 + self.rate_error)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motor::Motor;
+    use protocol::timing::Direction;
+    use protocol::units::Turns;
+
+    fn projector(latency_ns: f64) -> Projector {
+        let rotation = Rotation::new(288, 24, 240_000_000, Turns::ZERO, Direction::Clockwise).unwrap();
+        Projector::new(&rotation, latency_ns, &Motor::reference().projector_clock, 11)
+    }
+
+    #[test]
+    fn planes_follow_each_other_without_gaps_and_pulses_announce_them() {
+        for latency_ns in [0.0, 300_000.0, 9_000_000.0] {
+            let mut projector = projector(latency_ns);
+            let (mut pulses, mut starts) = (Vec::new(), Vec::new());
+            let mut expected = projector.next_plane_at();
+            while starts.len() < 200 {
+                if projector.pulse_at() < projector.next_plane_at() {
+                    pulses.push(projector.pulse_at());
+                    projector.pass_pulse();
+                    continue;
+                }
+                let at = projector.next_plane_at();
+                assert!((at - expected).abs() < 1e-3);
+                let plane = projector.start_plane();
+                expected = at + plane.duration_ns;
+                if plane.plane == 0 {
+                    starts.push(at);
+                }
+            }
+            for (pulse, start) in pulses.iter().zip(&starts) {
+                assert!((start - pulse - latency_ns).abs() < 12_000.0);
+            }
+            let rate_hz = 199.0 * 1e9 / (starts[199] - starts[0]);
+            assert!(((rate_hz / 240.0 - 1.0) * 1e6 - 50.0).abs() < 5.0, "{rate_hz}");
+        }
+    }
+
+    #[test]
+    fn what_is_armed_is_shown_once() {
+        let mut projector = projector(0.0);
+        let frame = Frame::Still { turn: firmware::plane_store::TurnHandle(1), slice: 3 };
+        projector.arm(frame);
+        let shown: Vec<Frame> = (0..48)
+            .map(|_| {
+                if projector.pulse_at() < projector.next_plane_at() {
+                    projector.pass_pulse();
+                }
+                projector.start_plane().frame
+            })
+            .collect();
+        assert_eq!(shown[..24], [frame; 24]);
+        assert_eq!(shown[24..], [Frame::Dark; 24]);
+    }
+}

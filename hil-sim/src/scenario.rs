@@ -1,0 +1,240 @@
+//! What happens to a world, and when: a TOML file with a list of events.
+//!
+//! ```toml
+//! name = "one-pulse-lost"
+//! [[event]]
+//! at_s = 0.05
+//! do = "start"
+//! [[event]]
+//! at_s = 4.0
+//! do = { lose-frame-pulses = { count = 1 } }
+//! ```
+
+use crate::check::{Range, ValueError};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// A timeline.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// For people.
+    pub name: String,
+    /// How the plant differs from the motor file that the firmware was configured from.
+    #[serde(default)]
+    pub plant: PlantScale,
+    /// What happens, in any order.
+    #[serde(default, rename = "event")]
+    pub events: Vec<Event>,
+}
+
+/// Factors on the motor file's figures.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlantScale {
+    /// Of inertia.
+    pub inertia: f64,
+    /// Of all friction.
+    pub friction: f64,
+}
+
+impl Default for PlantScale {
+    fn default() -> Self {
+        Self { inertia: 1.0, friction: 1.0 }
+    }
+}
+
+/// One thing that happens.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Event {
+    /// Seconds after the simulation started.
+    pub at_s: f64,
+    /// What.
+    #[serde(rename = "do")]
+    pub action: Action,
+}
+
+/// What may happen.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Action {
+    /// The host commands a start.
+    Start,
+    /// The host commands a stop.
+    Stop,
+    /// The host clears a fault.
+    ClearFault,
+    /// The host asks for one slice on the parked mirror.
+    Service {
+        /// Which.
+        slice: u16,
+        /// For how long.
+        duration_ms: u32,
+    },
+    /// The emergency stop is pressed.
+    EmergencyStop,
+    /// The emergency stop is pulled out again.
+    EmergencyStopReleased,
+    /// The guard is opened.
+    GuardOpened,
+    /// The guard is closed.
+    GuardClosed,
+    /// The next frame pulses are lost.
+    LoseFramePulses {
+        /// How many.
+        count: u32,
+    },
+    /// No frame pulses arrive; the projector goes on.
+    NoFramePulses {
+        /// For how long.
+        seconds: f64,
+    },
+    /// A frame pulse that means nothing.
+    ExtraFramePulse,
+    /// The next index pulses are lost.
+    LoseIndexPulses {
+        /// How many.
+        count: u32,
+    },
+    /// No index pulses arrive.
+    NoIndexPulses {
+        /// For how long.
+        seconds: f64,
+    },
+    /// An index pulse that means nothing.
+    ExtraIndexPulse,
+    /// The encoder's counter slips: positive counts are added, negative ones lost.
+    EncoderSlip {
+        /// By how many counts.
+        counts: i32,
+    },
+    /// The encoder's counter stands still; what passes is lost.
+    EncoderFrozen {
+        /// For how long.
+        seconds: f64,
+    },
+    /// The projector runs at another rate from its next frame on.
+    ProjectorRate {
+        /// Its nominal rate.
+        hz: f64,
+    },
+    /// A constant torque on the mirror from now on.
+    Load {
+        /// Counter-clockwise positive.
+        torque_nm: f64,
+    },
+    /// The control timer stops.
+    NoControlTicks {
+        /// For how long.
+        seconds: f64,
+    },
+}
+
+/// Why a scenario is refused.
+#[derive(Debug, Error)]
+pub enum ScenarioError {
+    /// Not TOML, or keys missing, unknown or of the wrong kind; the message names line and key.
+    #[error("scenario file: {0}")]
+    Format(#[from] toml::de::Error),
+    /// An impossible value.
+    #[error("scenario file: {0}")]
+    Value(#[from] ValueError),
+}
+
+impl Default for Scenario {
+    /// Starts after 0.05 s; nothing else happens.
+    fn default() -> Self {
+        Self {
+            name: "plain".to_owned(),
+            plant: PlantScale::default(),
+            events: vec![Event { at_s: 0.05, action: Action::Start }],
+        }
+    }
+}
+
+impl Scenario {
+    /// Reads and checks a scenario file. Events come out in order of time.
+    pub fn from_toml(text: &str) -> Result<Self, ScenarioError> {
+        let mut scenario: Self = toml::from_str(text)?;
+        let scale = Range { least: 0.01, most: 100.0 };
+        scale.check("plant.inertia", scenario.plant.inertia)?;
+        scale.check("plant.friction", scenario.plant.friction)?;
+        for (i, event) in scenario.events.iter().enumerate() {
+            event.check(&format!("event[{i}]"))?;
+        }
+        scenario.events.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
+        Ok(scenario)
+    }
+
+    /// The same with one event more.
+    pub fn with(mut self, at_s: f64, action: Action) -> Self {
+        self.events.push(Event { at_s, action });
+        self.events.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
+        self
+    }
+}
+
+impl Event {
+    fn check(&self, place: &str) -> Result<(), ValueError> {
+        let long = Range { least: 0.0, most: 1e6 };
+        long.check(&format!("{place}.at_s"), self.at_s)?;
+        match self.action {
+            Action::NoFramePulses { seconds }
+            | Action::NoIndexPulses { seconds }
+            | Action::EncoderFrozen { seconds }
+            | Action::NoControlTicks { seconds } => long.check(&format!("{place}.do.*.seconds"), seconds),
+            Action::ProjectorRate { hz } => {
+                Range { least: 1.0, most: 10_000.0 }.check(&format!("{place}.do.projector-rate.hz"), hz)
+            }
+            Action::Load { torque_nm } => {
+                Range { least: -1e4, most: 1e4 }.check(&format!("{place}.do.load.torque_nm"), torque_nm)
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_timeline_is_read_and_sorted() {
+        let scenario = Scenario::from_toml(
+            r#"
+            name = "example"
+            plant = { inertia = 0.5 }
+            [[event]]
+            at_s = 4.0
+            do = { lose-frame-pulses = { count = 1 } }
+            [[event]]
+            at_s = 0.05
+            do = "start"
+            "#,
+        )
+        .unwrap();
+        assert_eq!(scenario.events[0], Event { at_s: 0.05, action: Action::Start });
+        assert_eq!(scenario.events[1].action, Action::LoseFramePulses { count: 1 });
+        assert_eq!(scenario.plant, PlantScale { inertia: 0.5, friction: 1.0 });
+    }
+
+    #[test]
+    fn bad_files_are_refused_with_the_place() {
+        for (text, told) in [
+            ("name = 'x'\nspeed = 3", "speed"),
+            ("name = 'x'\nevent = [{ at_s = 1.0, do = 'explode' }]", "line 2"),
+            ("name = 'x'\nevent = [{ at_s = 1.0, do = { load = { nm = 1.0 } } }]", "nm"),
+            ("name = 'x'\nevent = [{ at_s = 1.0, do = 'start', by = 'me' }]", "by"),
+            ("name = 'x'\nevent = [{ at_s = nan, do = 'start' }]", "event[0].at_s = NaN"),
+            (
+                "name = 'x'\nevent = [{ at_s = 1, do = { projector-rate = { hz = 0.0 } } }]",
+                "event[0].do.projector-rate.hz = 0",
+            ),
+            ("name = 'x'\nplant = { inertia = 0.0 }", "plant.inertia = 0"),
+        ] {
+            let message = Scenario::from_toml(text).unwrap_err().to_string();
+            assert!(message.contains(told), "{message}");
+        }
+    }
+}

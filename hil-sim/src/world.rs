@@ -1,0 +1,439 @@
+//! Mirror, projector, sensors and controller under one clock.
+//!
+//! The mirror is integrated from control tick to control tick (or to whatever changes its torque in between); everything else happens
+//! at its own exact time within such a stretch, at the angle that the mirror had then. Nothing in here tells the controller the truth.
+
+use crate::checkers::{Checkers, Flash};
+use crate::faults::{CounterFaults, PulseFaults};
+use crate::motor::Motor;
+use crate::plant::{Plant, Stretch};
+use crate::projector::Projector;
+use crate::scenario::{Action, Scenario};
+use crate::sensors::{Encoder, Index};
+use crate::statistics::{Collector, LockStatistics};
+use firmware::config::ConfigError;
+use firmware::controller::{Controller, Estimates, Input, Output};
+use firmware::plane_store::{Plane, TurnHandle};
+use firmware::safety::Levels;
+use protocol::message::{Command, Fault, State};
+use protocol::timing::{Direction, Rotation};
+use protocol::units::Nanos;
+use std::collections::VecDeque;
+use std::f64::consts::TAU;
+
+/// Whatever steps as the controller does: the native core, an image in an emulator, a board. One that fails keeps its error and
+/// answers with what is safe: no torque, no light.
+pub trait Core {
+    /// Takes one input.
+    fn step(&mut self, now: Nanos, input: Input) -> Output;
+
+    /// What it believes.
+    fn estimates(&self) -> Estimates;
+}
+
+impl Core for Controller {
+    fn step(&mut self, now: Nanos, input: Input) -> Output {
+        Controller::step(self, now, input)
+    }
+
+    fn estimates(&self) -> Estimates {
+        Controller::estimates(self)
+    }
+}
+
+/// What a world keeps for later. Nothing, unless asked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Recording {
+    /// Keep this many flashes; the oldest go first.
+    pub flashes_max: usize,
+    /// Keep this many samples of the phase error; sampling stops there.
+    pub samples_max: usize,
+    /// Sample every so many planes; 0 is 1.
+    pub sample_every: u32,
+}
+
+/// One sample of the phase error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Seconds since the start.
+    pub at_s: f64,
+    /// True mirror angle less where the plane on screen belongs, modulo a frame, in slices.
+    pub error_slices: f64,
+    /// True speed, rad/s, counter-clockwise positive.
+    pub speed_rad_s: f64,
+    /// What the controller said that it was doing.
+    pub state: State,
+}
+
+/// The world.
+pub struct World {
+    pub(crate) rotation: Rotation,
+    sign: f64,
+    tick_ns: f64,
+    delay_ns: f64,
+    plant: Plant,
+    encoder: Encoder,
+    index: Index,
+    projector: Projector,
+    core: Box<dyn Core>,
+    now: f64,
+    ticks: u64,
+    torques: VecDeque<(f64, f64)>,
+    pulses: Vec<(f64, Pulse)>,
+    output: Output,
+    lit: Option<Flash>,
+    plane_was_lit: bool,
+    on_screen: Plane,
+    released: Vec<TurnHandle>,
+
+    actions: VecDeque<(f64, Action)>,
+    levels: Levels,
+    frame_faults: PulseFaults,
+    index_faults: PulseFaults,
+    encoder_faults: CounterFaults,
+    ticks_silent_until: f64,
+
+    checkers: Checkers,
+    collector: Collector,
+    recording: Recording,
+    flashes: VecDeque<Flash>,
+    samples: Vec<Sample>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Pulse {
+    Frame,
+    Index,
+}
+
+impl World {
+    /// A world with the native controller, configured from `motor` and not from what `scenario` makes of it.
+    pub fn new(
+        rotation: &Rotation,
+        frame_latency: Nanos,
+        motor: &Motor,
+        scenario: &Scenario,
+        seed: u64,
+    ) -> Result<Self, ConfigError> {
+        let controller = Controller::new(motor.firmware_config(rotation, frame_latency))?;
+        Ok(Self::with_core(rotation, frame_latency, motor, scenario, seed, Box::new(controller)))
+    }
+
+    /// A world around any core.
+    pub fn with_core(
+        rotation: &Rotation,
+        frame_latency: Nanos,
+        motor: &Motor,
+        scenario: &Scenario,
+        seed: u64,
+        core: Box<dyn Core>,
+    ) -> Self {
+        let mut plant = Plant::new(&motor.plant, seed);
+        plant.scale(scenario.plant.inertia, scenario.plant.friction);
+        Self {
+            rotation: *rotation,
+            sign: match rotation.direction() {
+                Direction::CounterClockwise => 1.0,
+                Direction::Clockwise => -1.0,
+            },
+            tick_ns: 1e9 / motor.controller.rate_hz,
+            delay_ns: motor.plant.command_delay_us * 1e3,
+            plant,
+            encoder: Encoder::new(&motor.sensors, seed),
+            index: Index::new(&motor.sensors, seed),
+            projector: Projector::new(rotation, frame_latency.0 as f64, &motor.projector_clock, seed),
+            core,
+            now: 0.0,
+            ticks: 0,
+            torques: VecDeque::new(),
+            pulses: Vec::new(),
+            output: Output::default(),
+            lit: None,
+            plane_was_lit: false,
+            on_screen: Plane::Dark,
+            released: Vec::new(),
+            actions: scenario.events.iter().map(|event| (event.at_s * 1e9, event.action)).collect(),
+            levels: Levels::default(),
+            frame_faults: PulseFaults::default(),
+            index_faults: PulseFaults::default(),
+            encoder_faults: CounterFaults::default(),
+            ticks_silent_until: 0.0,
+            checkers: Checkers::new(rotation),
+            collector: Collector::default(),
+            recording: Recording::default(),
+            flashes: VecDeque::new(),
+            samples: Vec::new(),
+        }
+    }
+
+    /// What to keep from now on.
+    pub fn record(&mut self, recording: Recording) {
+        self.recording = recording;
+    }
+
+    /// The host commands something now.
+    pub fn command(&mut self, command: Command) {
+        if command == Command::Start {
+            self.disturbed("start");
+        }
+        self.feed(self.now, Input::Command(command));
+    }
+
+    /// The host has filled the slot `turn`.
+    pub fn turn_ready(&mut self, turn: TurnHandle) {
+        self.feed(self.now, Input::TurnReady(turn));
+    }
+
+    /// Slots that may be filled again, in order, since the last call.
+    pub fn take_released(&mut self) -> Vec<TurnHandle> {
+        std::mem::take(&mut self.released)
+    }
+
+    /// Recorded flashes since the last call.
+    pub fn take_flashes(&mut self) -> Vec<Flash> {
+        self.flashes.drain(..).collect()
+    }
+
+    /// Recorded samples since the last call.
+    pub fn take_samples(&mut self) -> Vec<Sample> {
+        std::mem::take(&mut self.samples)
+    }
+
+    /// Simulated time.
+    pub fn now(&self) -> Nanos {
+        Nanos(self.now as u64)
+    }
+
+    /// What the controller says that it is doing.
+    pub fn state(&self) -> State {
+        self.output.state
+    }
+
+    /// What the controller believes.
+    pub fn estimates(&self) -> Estimates {
+        self.core.estimates()
+    }
+
+    /// How a turn is cut.
+    pub fn rotation(&self) -> &Rotation {
+        &self.rotation
+    }
+
+    /// The turn that the projector is showing.
+    pub fn turn_on_screen(&self) -> Option<TurnHandle> {
+        match self.lit?.plane {
+            Plane::Slice { turn, .. } => Some(turn),
+            Plane::Dark => None,
+        }
+    }
+
+    /// Why the controller stopped.
+    pub fn fault(&self) -> Option<Fault> {
+        self.output.fault
+    }
+
+    /// The true mirror angle, radians counter-clockwise, unwrapped.
+    pub fn true_angle(&self) -> f64 {
+        self.plant.angle()
+    }
+
+    /// The true speed, rad/s.
+    pub fn true_speed(&self) -> f64 {
+        self.plant.speed()
+    }
+
+    /// What the run has been so far.
+    pub fn statistics(&self) -> LockStatistics {
+        self.collector.summary(self.now * 1e-9, self.checkers.verdict().clone())
+    }
+
+    /// Moves on by `seconds`.
+    pub fn advance(&mut self, seconds: f64) {
+        let until = self.now + seconds * 1e9;
+        while self.now < until {
+            self.stretch(until);
+        }
+    }
+
+    /// Moves on until `done` or for `seconds`; whether it was done.
+    pub fn advance_until(&mut self, seconds: f64, mut done: impl FnMut(&Self) -> bool) -> bool {
+        let until = self.now + seconds * 1e9;
+        while self.now < until {
+            if done(self) {
+                return true;
+            }
+            self.stretch(until);
+        }
+        done(self)
+    }
+
+    fn next_tick(&self) -> f64 {
+        self.ticks as f64 * self.tick_ns
+    }
+
+    /// One stretch of the mirror under a constant command, with all that happens in it.
+    fn stretch(&mut self, until: f64) {
+        let from = self.now;
+        while self.torques.front().is_some_and(|&(at, _)| at <= from) {
+            let (_, torque) = self.torques.pop_front().unwrap_or_default();
+            self.plant.set_command(torque);
+        }
+        let arrival = self.torques.front().map_or(f64::INFINITY, |&(at, _)| at);
+        let action = self.actions.front().map_or(f64::INFINITY, |&(at, _)| at.max(from));
+        let longest = from + self.plant.longest_step() * 1e9;
+        let to = until.min(self.next_tick().max(from)).min(arrival).min(action).min(longest);
+        let stretch = self.plant.advance((to - from) * 1e-9);
+        self.pass_index(from, &stretch);
+        loop {
+            let (frame, plane) = (self.projector.pulse_at(), self.projector.next_plane_at());
+            let (waiting, index) = self.first_pulse();
+            let first = frame.min(plane).min(waiting);
+            if first > to {
+                break;
+            }
+            if first == plane {
+                self.start_plane(plane.max(from), stretch.angle((plane.max(from) - from) * 1e-9));
+            } else if first == frame {
+                self.projector.pass_pulse();
+                if self.frame_faults.passes(frame) {
+                    self.pulses.push((frame.max(from), Pulse::Frame));
+                }
+            } else if let Some(index) = index {
+                let (at, pulse) = self.pulses.swap_remove(index);
+                self.deliver(at, pulse, stretch.angle((at.max(from) - from) * 1e-9));
+            }
+        }
+        self.now = to;
+        while self.actions.front().is_some_and(|&(at, _)| at <= to) {
+            if let Some((_, action)) = self.actions.pop_front() {
+                self.act(action);
+            }
+        }
+        if to >= self.next_tick() {
+            self.tick();
+        }
+    }
+
+    fn first_pulse(&self) -> (f64, Option<usize>) {
+        let first = self.pulses.iter().enumerate().min_by(|(_, a), (_, b)| a.0.total_cmp(&b.0));
+        first.map_or((f64::INFINITY, None), |(i, &(at, _))| (at, Some(i)))
+    }
+
+    fn tick(&mut self) {
+        self.ticks += 1;
+        if self.now < self.ticks_silent_until {
+            return;
+        }
+        let count = self.encoder.count(self.plant.angle());
+        let encoder_count = self.encoder_faults.read(self.now, count);
+        self.feed(self.now, Input::Tick { encoder_count });
+    }
+
+    /// The index, wherever the mirror passed it in this stretch.
+    fn pass_index(&mut self, from: f64, stretch: &Stretch) {
+        let offset = self.rotation.phase_offset().radians();
+        let [start, end] = stretch.ends().map(|angle| (angle - offset) / TAU);
+        let passed = if end > start { end.floor() } else { start.floor() };
+        if start.floor() == end.floor() {
+            return;
+        }
+        let at = from + stretch.time_of(passed * TAU + offset) * 1e9 + self.index.lateness();
+        if self.index_faults.passes(at) {
+            self.pulses.push((at, Pulse::Index));
+        }
+    }
+
+    fn deliver(&mut self, at: f64, pulse: Pulse, angle: f64) {
+        let stamp = Nanos((at + 0.5).max(0.0) as u64);
+        let input = match pulse {
+            Pulse::Frame => Input::FramePulse { at: stamp },
+            Pulse::Index => Input::IndexPulse { at: stamp },
+        };
+        self.feed_at(at.max(self.now), angle, input);
+    }
+
+    fn start_plane(&mut self, at: f64, angle: f64) {
+        let start = self.projector.start_plane();
+        if !self.plane_was_lit {
+            self.collector.dark_plane();
+        }
+        self.plane_was_lit = false;
+        self.on_screen = start.frame.plane(&self.rotation, start.plane);
+        let progress = self.sign * (angle - self.rotation.phase_offset().radians()) / TAU;
+        let planes = f64::from(self.rotation.planes_per_frame());
+        let frames = (progress * f64::from(self.rotation.slices()) - f64::from(start.plane)) / planes;
+        let error_slices = (frames - frames.round()) * planes;
+        self.collector.plane(at * 1e-9, error_slices, start.duration_ns, self.output.state);
+        self.sample(at, error_slices);
+        self.relight(at, angle, true);
+    }
+
+    fn sample(&mut self, at: f64, error_slices: f64) {
+        let every = u64::from(self.recording.sample_every.max(1));
+        if self.samples.len() < self.recording.samples_max && self.collector.planes().is_multiple_of(every) {
+            let (speed_rad_s, state) = (self.plant.speed(), self.output.state);
+            self.samples.push(Sample { at_s: at * 1e-9, error_slices, speed_rad_s, state });
+        }
+    }
+
+    /// Ends the flash that was lit and begins the one that is, if anything changed.
+    fn relight(&mut self, at: f64, angle: f64, new_plane: bool) {
+        let wanted =
+            (self.output.light && self.on_screen != Plane::Dark).then_some((self.on_screen, self.output.state));
+        if !new_plane && self.lit.map(|flash| (flash.plane, flash.state)) == wanted {
+            return;
+        }
+        let now = Nanos((at + 0.5) as u64);
+        if let Some(mut flash) = self.lit.take() {
+            (flash.end, flash.angle_end) = (now, angle);
+            if flash.end > flash.start {
+                self.checkers.see(&flash);
+                self.keep(flash);
+            }
+        }
+        self.plane_was_lit |= wanted.is_some();
+        self.lit = wanted.map(|(plane, state)| Flash {
+            start: now,
+            end: now,
+            angle_start: angle,
+            angle_end: angle,
+            plane,
+            state,
+        });
+    }
+
+    fn keep(&mut self, flash: Flash) {
+        if self.recording.flashes_max == 0 {
+            return;
+        }
+        if self.flashes.len() == self.recording.flashes_max {
+            self.flashes.pop_front();
+        }
+        self.flashes.push_back(flash);
+    }
+
+    fn feed(&mut self, at: f64, input: Input) {
+        self.feed_at(at, self.plant.angle(), input);
+    }
+
+    fn feed_at(&mut self, at: f64, angle: f64, input: Input) {
+        let output = self.core.step(Nanos((at + 0.5) as u64), input);
+        if output.torque_nm != self.output.torque_nm {
+            self.torques.push_back((at + self.delay_ns, f64::from(output.torque_nm)));
+        }
+        if let Some(frame) = output.armed {
+            self.projector.arm(frame);
+        }
+        self.released.extend(output.released.into_iter().flatten());
+        self.collector.state(at * 1e-9, output.state, output.fault);
+        self.output = output;
+        self.relight(at, angle, false);
+    }
+}
+
+#[path = "world_actions.rs"]
+mod actions;
+
+#[cfg(test)]
+#[path = "world_tests.rs"]
+mod tests;

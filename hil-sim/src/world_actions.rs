@@ -1,0 +1,51 @@
+//! What a scenario's actions do to a world.
+
+use super::{Pulse, World};
+use crate::scenario::Action;
+use firmware::controller::Input;
+use firmware::safety::Levels;
+use protocol::message::Command;
+
+impl World {
+    pub(super) fn act(&mut self, action: Action) {
+        let later = |seconds: f64| self.now + seconds * 1e9;
+        match action {
+            Action::Start => self.command(Command::Start),
+            Action::Stop => self.command(Command::Stop),
+            Action::ClearFault => self.command(Command::ClearFault),
+            Action::Service { slice, duration_ms } => self.command(Command::Service { slice, duration_ms }),
+            Action::EmergencyStop => self.set_levels(Levels { emergency_stop: true, ..self.levels }),
+            Action::EmergencyStopReleased => self.set_levels(Levels { emergency_stop: false, ..self.levels }),
+            Action::GuardOpened => self.set_levels(Levels { guard_open: true, ..self.levels }),
+            Action::GuardClosed => self.set_levels(Levels { guard_open: false, ..self.levels }),
+            Action::LoseFramePulses { count } => self.frame_faults.lose(count),
+            Action::NoFramePulses { seconds } => self.frame_faults.silence(later(seconds)),
+            Action::ExtraFramePulse => self.pulses.push((self.now, Pulse::Frame)),
+            Action::LoseIndexPulses { count } => self.index_faults.lose(count),
+            Action::NoIndexPulses { seconds } => self.index_faults.silence(later(seconds)),
+            Action::ExtraIndexPulse => self.pulses.push((self.now, Pulse::Index)),
+            Action::EncoderSlip { counts } => self.encoder_faults.slip(i64::from(counts)),
+            Action::EncoderFrozen { seconds } => self.encoder_faults.freeze(later(seconds)),
+            Action::ProjectorRate { hz } => {
+                self.projector.set_rate(hz);
+                self.checkers.set_turn_duration(1e9 * f64::from(self.rotation.frames()) / hz);
+            }
+            Action::Load { torque_nm } => self.plant.set_load(torque_nm),
+            Action::NoControlTicks { seconds } => self.ticks_silent_until = later(seconds),
+        }
+        if !matches!(action, Action::Start | Action::Stop | Action::ClearFault | Action::Service { .. }) {
+            self.disturbed(&format!("{action:?}"));
+        }
+    }
+
+    pub(super) fn disturbed(&mut self, cause: &str) {
+        let speed = std::f64::consts::TAU * self.projector.nominal_hz() / f64::from(self.rotation.frames());
+        let torque_limited_s = self.plant.torque_limited_seconds(self.sign * speed);
+        self.collector.disturbed(cause.to_owned(), self.now * 1e-9, torque_limited_s);
+    }
+
+    fn set_levels(&mut self, levels: Levels) {
+        self.levels = levels;
+        self.feed(self.now, Input::Levels(levels));
+    }
+}
