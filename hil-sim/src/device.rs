@@ -5,7 +5,7 @@
 
 use crate::frame_store::MemoryStore;
 use answers::Answers;
-pub use firmware::plane_store::TurnHandle;
+pub use firmware::plane_store::{Plane, TurnHandle};
 use protocol::codec::ImageSize;
 use protocol::message::{Command, Fault, Reason, State, Status};
 use protocol::packet::{Counts, Decoder, PACKET_BYTES_MAX};

@@ -11,6 +11,7 @@
 //! ```
 
 use crate::check::{Range, ValueError};
+use protocol::rig::toml_problem;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -134,11 +135,11 @@ pub enum Action {
 /// Why a scenario is refused.
 #[derive(Debug, Error)]
 pub enum ScenarioError {
-    /// Not TOML, or keys missing, unknown or of the wrong kind; the message names line and key.
-    #[error("scenario file: {0}")]
-    Format(#[from] toml::de::Error),
+    /// Not TOML, or keys missing, unknown or of the wrong kind: line, key, and the parser's words.
+    #[error("{0}")]
+    Syntax(String),
     /// An impossible value.
-    #[error("scenario file: {0}")]
+    #[error("{0}")]
     Value(#[from] ValueError),
 }
 
@@ -156,7 +157,8 @@ impl Default for Scenario {
 impl Scenario {
     /// Reads and checks a scenario file. Events come out in order of time.
     pub fn from_toml(text: &str) -> Result<Self, ScenarioError> {
-        let mut scenario: Self = toml::from_str(text)?;
+        let mut scenario: Self =
+            toml::from_str(text).map_err(|error| ScenarioError::Syntax(toml_problem(text, &error)))?;
         let scale = Range { least: 0.01, most: 100.0 };
         scale.check("plant.inertia", scenario.plant.inertia)?;
         scale.check("plant.friction", scenario.plant.friction)?;

@@ -230,6 +230,11 @@ impl<L: Link> Stream<L> {
         &mut self.conversation.link
     }
 
+    /// Ends the stream; the device keeps what it has.
+    pub fn into_link(self) -> L {
+        self.conversation.link
+    }
+
     fn check(&self, turn: &impl TurnPlanes) -> Result<u16, StreamError> {
         let (slices, expected) = (turn.slices(), self.rotation.slices());
         if slices != expected {

@@ -252,14 +252,9 @@ pub enum RigError {
     /// The file cannot be read.
     #[error("cannot read rig: {0}")]
     Read(#[from] std::io::Error),
-    /// Not TOML, or not a rig's keys.
-    #[error("line {line}: {message}")]
-    Syntax {
-        /// From 1.
-        line: usize,
-        /// The parser's words, and the key.
-        message: String,
-    },
+    /// Not TOML, or not a rig's keys: line, key, and the parser's words.
+    #[error("{0}")]
+    Syntax(String),
     /// A value is impossible.
     #[error("{key} {problem}")]
     Value {
@@ -278,7 +273,7 @@ impl Rig {
 
     /// Reads and checks a rig file's text.
     pub fn parse(text: &str) -> Result<Self, RigError> {
-        toml::from_str::<Self>(text).map_err(|error| syntax_error(text, &error))?.checked()
+        toml::from_str::<Self>(text).map_err(|error| RigError::Syntax(toml_problem(text, &error)))?.checked()
     }
 
     /// The rig, if it is possible: for one that came another way than through [`Rig::parse`].
@@ -328,17 +323,17 @@ impl Rig {
     }
 }
 
-fn syntax_error(text: &str, error: &toml::de::Error) -> RigError {
+/// A TOML error on one line: the line's number, the key that stands there, and the parser's words, which name keys that are
+/// unknown or missing.
+pub fn toml_problem(text: &str, error: &toml::de::Error) -> String {
     let at = error.span().map_or(0, |span| span.start).min(text.len());
-    let before = text.get(..at).unwrap_or("");
-    let line = before.matches('\n').count() + 1;
-    let key = text.lines().nth(line - 1).and_then(|line| line.split_once('=')).map(|(key, _)| key.trim());
-    let message = error.message().replace('\n', " ");
-    let message = match key {
-        Some(key) if !message.contains(&format!("`{key}`")) => format!("{key}: {message}"),
-        _ => message,
-    };
-    RigError::Syntax { line, message }
+    let line = text.get(..at).unwrap_or("").matches('\n').count();
+    let key = text.lines().nth(line).and_then(|line| line.split_once('=')).map(|(key, _)| key.trim());
+    let message = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
+    match key.filter(|key| !message.contains(&format!("`{key}`"))) {
+        Some(key) => format!("line {}: {key}: {message}", line + 1),
+        None => format!("line {}: {message}", line + 1),
+    }
 }
 
 impl RotationKeys {

@@ -2,10 +2,12 @@
 
 mod args;
 mod compare;
+mod demo;
 mod project;
 mod render;
 mod rig;
 mod see;
+mod sim;
 mod truth;
 
 use crate::output;
@@ -25,12 +27,14 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    Demo(demo::Args),
     Render(render::Args),
     See(see::Args),
     Truth(truth::Args),
     Compare(compare::Args),
     Project(project::Args),
     Rig(rig::Args),
+    Sim(sim::Args),
 }
 
 /// What is printed on one line before exit code 2: what, where, what is allowed.
@@ -55,12 +59,14 @@ pub fn main() -> ExitCode {
         std::process::exit(130);
     });
     let result = match cli.command {
+        Command::Demo(args) => demo::run(&args),
         Command::Render(args) => render::run(&args),
         Command::See(args) => see::run(&args),
         Command::Truth(args) => truth::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Project(args) => project::run(&args),
         Command::Rig(args) => rig::run(&args),
+        Command::Sim(args) => sim::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

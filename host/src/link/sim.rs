@@ -26,6 +26,11 @@ impl<E: Endpoint> SimLink<E> {
         &self.endpoint
     }
 
+    /// The far end, for good.
+    pub fn into_endpoint(self) -> E {
+        self.endpoint
+    }
+
     /// The far end.
     pub fn endpoint_mut(&mut self) -> &mut E {
         &mut self.endpoint
