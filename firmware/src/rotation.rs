@@ -48,6 +48,7 @@ pub struct RotationEstimator {
     viscous: f32,
     drag: f32,
     nominal_brake: f32,
+    torque_max_nm: f32,
 
     started: bool,
     moving: bool,
@@ -66,6 +67,7 @@ pub struct RotationEstimator {
     sine: f32,
     cosine: f32,
     acceleration: f32,
+    torque_nm: f32,
     covariance: Covariance<STATES>,
 
     health: Health,
@@ -87,15 +89,21 @@ struct Health {
     ticks_outside: u32,
     encoder_refused: u32,
     last_side: bool,
+    radians_since_slip: f32,
     index_refused: u32,
     index_accepted: u32,
-    last_refused_index: Nanos,
+    last_refused: Turns,
     radians_since_index: f32,
     counts_expected: f32,
 }
 
 /// A count further outside than this many sigmas is no noise.
 const GATE_SIGMAS: f32 = 6.0;
+/// Closer than this to where it was expected, an index pulse is believed whatever the estimate says: chance would put one of 300 here.
+const NEAR_INDEX_RAD: f32 = 0.01;
+/// Turns in which the encoder may slip once. What looks like a second slip is a push: between two beats of counts and ticks nothing
+/// tells one from the other.
+const TURNS_BETWEEN_SLIPS: f32 = 2.0;
 /// Counts that must have been expected and have not come, for the encoder to count as silent.
 const SILENT_COUNTS: f32 = 12.0;
 
@@ -109,7 +117,8 @@ impl RotationEstimator {
         let mut estimator = Self {
             noise: Noise {
                 edge_variance: edge * edge,
-                count_variance: count_rad * count_rad / 12.0 + edge * edge,
+                // Three times that of a uniform error: where a whole number of counts passes in a tick the error stays for many of them.
+                count_variance: count_rad * count_rad / 4.0 + edge * edge,
                 index_jitter_s: sensors.index_jitter_s.max(2e-8),
                 floor: [1e-13, 1e-10, 1e-9, 1e-9, 1e-13, 1e-13, 1e-13, 1e-9, 1e-9, 1e-9],
             },
@@ -124,6 +133,7 @@ impl RotationEstimator {
             viscous: motor.viscous_friction_nm_s,
             drag: motor.air_drag_nm_s2,
             nominal_brake: motor.coulomb_friction_nm * nominal_yield,
+            torque_max_nm: motor.torque_max_nm,
             started: false,
             moving: false,
             anchored: false,
@@ -141,6 +151,7 @@ impl RotationEstimator {
             sine: 0.0,
             cosine: 1.0,
             acceleration: 0.0,
+            torque_nm: 0.0,
             covariance: Covariance::diagonal([0.0; STATES]),
             health: Health::default(),
             window: SpeedWindow::default(),
@@ -188,13 +199,21 @@ impl RotationEstimator {
         }
         let innovation = -radians_between(Turns::ZERO, angle);
         let jitter = self.noise.index_jitter_s * self.speed.abs();
-        let (gain, variance) = self.covariance.seen_through([(ANGLE, 1.0), (SPEED, since_tick)]);
         // A mirror that hardly moves jitters by the width of the index mark, not by its time.
-        let total = variance + jitter * jitter + 1e-10;
-        let gate = GATE_SIGMAS * libm::sqrtf(total) + 2e-5;
-        if innovation.abs() > gate {
-            return self.refuse_index(at, angle);
+        let noise = jitter * jitter + 1e-10;
+        let terms = [(ANGLE, 1.0), (SPEED, since_tick)];
+        let (mut gain, mut variance) = self.covariance.seen_through(terms);
+        let surprise = innovation * innovation;
+        if surprise > GATE_SIGMAS * GATE_SIGMAS * (variance + noise) + 4e-10 {
+            // A pulse that means nothing hardly ever comes within a count of where the index is: this one is real, and something has
+            // pushed the mirror since the last one.
+            if innovation.abs() > NEAR_INDEX_RAD {
+                return self.refuse_index(angle);
+            }
+            self.expect_push(surprise);
+            (gain, variance) = self.covariance.seen_through(terms);
         }
+        let total = variance + noise;
         self.correct(&gain, innovation / total, 1.0 / total);
         self.health.index_refused = 0;
         self.health.index_accepted = self.health.index_accepted.saturating_add(1);
@@ -288,6 +307,7 @@ impl RotationEstimator {
 
     fn predict(&mut self, seconds: f32, torque_nm: f32) {
         let speed = self.speed;
+        self.torque_nm = torque_nm;
         let nominal_drag_nm = (self.viscous + self.drag * speed.abs()) * speed;
         let per_yield = self.nominal_yield * (torque_nm - self.relative_drag * nominal_drag_nm);
         let per_drag = -self.acceleration_per_torque() * nominal_drag_nm;
@@ -297,6 +317,7 @@ impl RotationEstimator {
         self.angle = advanced(self.angle, (speed + 0.5 * self.acceleration * seconds) * seconds);
         self.speed += self.acceleration * seconds;
         self.health.radians_since_index += speed.abs() * seconds;
+        self.health.radians_since_slip += speed.abs() * seconds;
         (self.sine, self.cosine) = sin_cos(self.angle);
         if self.anchored {
             self.covariance.shear(
@@ -310,8 +331,9 @@ impl RotationEstimator {
                 ],
             );
         } else {
-            let terms = [(BRAKE, -against * seconds), (YIELD, per_yield * seconds), (DRAG, per_drag * seconds)];
-            self.covariance.shear(SPEED, terms);
+            self.covariance.shear(SPEED, [(BRAKE, -against * seconds)]);
+            // Without the index nothing tells imbalance, inertia and friction apart: one quickly changing brake stands for all.
+            self.covariance.widen(BRAKE, 3e3 * seconds);
         }
         self.covariance.shear(ANGLE, [(SPEED, seconds)]);
         self.drift(seconds);
@@ -324,10 +346,10 @@ impl RotationEstimator {
         // Friction changes with speed in ways that no figure names.
         let brake = 0.03 + 0.005 * self.acceleration.abs();
         self.covariance.widen(BRAKE, brake * brake * seconds);
-        self.covariance.widen(YIELD, 1e-7 * seconds);
-        self.covariance.widen(DRAG, 1e-6 * seconds);
-        self.covariance.widen(ZERO, 1e-11 * seconds);
         if self.anchored {
+            self.covariance.widen(YIELD, 1e-7 * seconds);
+            self.covariance.widen(DRAG, 1e-6 * seconds);
+            self.covariance.widen(ZERO, 1e-11 * seconds);
             for state in [ECCENTRIC_COS, ECCENTRIC_SIN] {
                 self.covariance.widen(state, 1e-11 * seconds);
             }
@@ -353,11 +375,14 @@ impl RotationEstimator {
         let sigma = libm::sqrtf(total);
         let outside = (within - half).abs() - half;
         if outside > GATE_SIGMAS * sigma && outside > 0.25 * self.count_rad {
-            self.refuse_count(within);
-            return;
+            if self.health.radians_since_slip > TURNS_BETWEEN_SLIPS * core::f32::consts::TAU {
+                self.refuse_count(within);
+                return;
+            }
+            self.expect_push(outside * outside);
         }
         self.health.encoder_refused = 0;
-        if variance > 0.04 * self.count_rad * self.count_rad {
+        if variance > 0.09 * self.count_rad * self.count_rad {
             if counts != 0 {
                 // Just after a slow count the mirror is near the edge that it passed, not in the middle between two.
                 let passed = half.min(0.5 * self.speed.abs() * seconds);
@@ -385,15 +410,23 @@ impl RotationEstimator {
         self.notice_manoeuvre(depth);
     }
 
-    /// Something pushes the mirror that the model does not know, or the encoder has slipped by less than the gate: learn faster.
+    /// Four surprising counts in a row are no noise.
     fn notice_manoeuvre(&mut self, depth: f32) {
         self.health.ticks_outside = if depth < -3.0 { self.health.ticks_outside + 1 } else { 0 };
         if self.health.ticks_outside >= 4 {
             self.health.ticks_outside = 0;
-            self.covariance.widen(BRAKE, 1.0);
-            self.covariance.widen(SPEED, 1e-4);
-            self.covariance.widen(ZERO, 0.01 * self.count_rad * self.count_rad);
+            self.expect_push(0.01 * self.count_rad * self.count_rad);
         }
+    }
+
+    /// Something that the model does not know has moved the mirror by the root of `surprise` since the last index: learn faster.
+    fn expect_push(&mut self, surprise: f32) {
+        let seconds = (self.health.radians_since_index / self.speed.abs().max(0.1)).clamp(0.005, 0.2);
+        let speed = surprise / (seconds * seconds);
+        self.covariance.widen(ANGLE, surprise);
+        self.covariance.widen(SPEED, 4.0 * speed);
+        self.covariance.widen(BRAKE, 4.0 * speed / (seconds * seconds));
+        self.covariance.widen(ZERO, 0.25 * surprise);
     }
 
     fn refuse_count(&mut self, within: f32) {
@@ -404,17 +437,23 @@ impl RotationEstimator {
             let slipped = libm::roundf((within - half) / self.count_rad);
             self.encoder_zero = advanced(self.encoder_zero, -slipped * self.count_rad);
             self.covariance.widen(ZERO, 0.1 * self.count_rad * self.count_rad);
-        } else if self.health.encoder_refused > 256 {
-            self.restart_moving(self.window.speed(), 0.5);
+            self.health.radians_since_slip = 0.0;
         }
     }
 
-    fn refuse_index(&mut self, at: Nanos, angle: Turns) -> Index {
-        let interval = at.signed_since(self.health.last_refused_index) as f32 * 1e-9 * self.speed;
-        let consistent = (interval / core::f32::consts::TAU - 1.0).abs() < 0.02;
-        self.health.last_refused_index = at;
+    fn refuse_index(&mut self, angle: Turns) -> Index {
+        // A pulse that means nothing does not come at the same angle again.
+        let off = radians_between(Turns::ZERO, angle);
+        let consistent = radians_between(self.health.last_refused, angle).abs() < 0.05;
+        self.health.last_refused = angle;
         self.health.index_refused = if consistent { self.health.index_refused + 1 } else { 1 };
-        if self.health.index_refused < 3 {
+        if self.health.index_refused >= 2 && off.abs() < 0.3 {
+            // The estimate is surer of itself than it should be: the next index will be believed.
+            self.covariance.widen(ANGLE, off * off);
+            self.covariance.widen(ZERO, off * off);
+            self.covariance.widen(SPEED, off * off);
+        }
+        if self.health.index_refused < 4 {
             return Index::Refused;
         }
         self.anchor(angle);
@@ -431,6 +470,9 @@ impl RotationEstimator {
         if !self.moving {
             return;
         }
+        if !self.anchored {
+            self.guess_inertia();
+        }
         self.health.index_accepted = 0;
         self.anchored = true;
         self.eccentricity = [0.0; 2];
@@ -438,6 +480,18 @@ impl RotationEstimator {
         let count = self.count_rad * self.count_rad;
         let brake = 0.5 * self.nominal_brake + 1.0;
         self.covariance = Covariance::diagonal([1e-8, 0.25, brake * brake, 0.3, count, 4e-6, 4e-6, 9.0, 9.0, 0.25]);
+    }
+
+    /// Friction as named, and the inertia that then explains the acceleration: where the filter starts to tell them apart.
+    fn guess_inertia(&mut self) {
+        let drag_nm = (self.viscous + self.drag * self.speed.abs()) * self.speed;
+        let per_yield = self.nominal_yield * (self.torque_nm - drag_nm);
+        let pushed = self.relative_yield * per_yield - self.brake;
+        self.relative_drag = 1.0;
+        self.brake = self.nominal_brake;
+        if per_yield.abs() > 4.0 * self.nominal_brake {
+            self.relative_yield = ((pushed + self.brake) / per_yield).clamp(0.2, 5.0);
+        }
     }
 
     fn rest(&mut self) {
@@ -473,9 +527,10 @@ impl RotationEstimator {
         self.brake = self.nominal_brake;
         self.health = Health::default();
         let count = self.count_rad * self.count_rad;
-        let brake = 0.5 * self.nominal_brake + 1.0;
+        // The brake also stands for an inertia that is half of what was said.
+        let brake = self.nominal_yield * self.torque_max_nm;
         self.covariance =
-            Covariance::diagonal([count, sigma * sigma, brake * brake, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.25]);
+            Covariance::diagonal([count, sigma * sigma, brake * brake, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     }
 
     fn correct(&mut self, gain: &[f32; STATES], amount: f32, share: f32) {

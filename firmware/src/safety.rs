@@ -56,10 +56,10 @@ pub struct Safety {
     trusted: bool,
 }
 
-/// In step: this close, for this long.
-const LOCK_SLICES: f32 = 0.06;
-const LOCK_RATE_SLICES_S: f32 = 6.0;
-const LOCK_STEADY: Nanos = Nanos(4_000_000);
+/// In step: this close, beyond what the estimate may err by itself, and moving off by no more than that in 7 ms; for this long.
+const LOCK_SLICES: f32 = 0.01;
+const LOCK_RATE_PER_SLICE: f32 = 150.0;
+const LOCK_STEADY: Nanos = Nanos(10_000_000);
 /// Out of step from here on: half of what a plane may be off.
 const UNLOCK_SLICES: f32 = 0.25;
 /// Light goes out where three sigmas of the estimate reach this.
@@ -220,9 +220,10 @@ impl Safety {
                 self.enter(now, State::SpinUp);
             }
             State::Acquire => {
+                let close = LOCK_SLICES + 3.0 * conditions.sigma_slices;
                 let steady = conditions.tracking
-                    && conditions.error_slices.abs() < LOCK_SLICES
-                    && conditions.rate_slices_s.abs() < LOCK_RATE_SLICES_S
+                    && conditions.error_slices.abs() < close
+                    && conditions.rate_slices_s.abs() < LOCK_RATE_PER_SLICE * close
                     && 3.0 * conditions.sigma_slices < DARK_SLICES
                     && !missing;
                 self.steady_since = steady.then(|| self.steady_since.unwrap_or(now));

@@ -20,6 +20,7 @@ fn main() {
     if args.len() > 6 {
         scenario.plant = PlantScale { inertia: args[6].parse().unwrap(), friction: args[7].parse().unwrap() };
     }
+    if args.len() > 8 { scenario = scenario.with(3.0, match args[8].as_str() { "load" => Action::Load { torque_nm: std::env::var("LOAD").map_or(-0.02, |s| s.parse().unwrap()) }, _ => Action::EncoderSlip { counts: -1 } }); }
     let m = Motor::reference();
     let c = Rc::new(RefCell::new(Controller::new(m.firmware_config(&rotation, Nanos(0))).unwrap()));
     let mut world = World::with_core(&rotation, Nanos(0), &m, &scenario, seed, Box::new(Shared(c.clone())));

@@ -144,8 +144,8 @@ impl Checkers {
             return;
         };
         // Light may go off and on within a plane; then the parts follow each other within its duration.
-        let same_plane = slice == slice_before
-            && flash.start.signed_since(before.start) as f64 * 1.5 < self.turn_ns / f64::from(self.rotation.slices());
+        let plane_ns = self.turn_ns / f64::from(self.rotation.slices());
+        let same_plane = slice == slice_before && (flash.start.signed_since(before.start) as f64) < 1.05 * plane_ns;
         let gap = flash.start.signed_since(before.start) as f64;
         let new_rotation = slice < slice_before || gap > 0.9 * self.turn_ns;
         if turn != turn_before && slice != 0 {
