@@ -105,6 +105,8 @@ fn plot_panel(area: &DrawingArea<BitMapBackend<'_>, Shift>, panel: &Panel<'_>) -
         .configure_mesh()
         .x_desc("time (s)")
         .y_desc(panel.unit)
+        // Adding 0 makes a negative zero plain.
+        .y_label_formatter(&|value| format!("{:.*}", decimals(high - low), value + 0.0 * high))
         .label_style(text(12))
         .axis_desc_style(text(13))
         .axis_style(INK)
@@ -125,6 +127,11 @@ fn plot_panel(area: &DrawingArea<BitMapBackend<'_>, Shift>, panel: &Panel<'_>) -
     let points = visible.map(|(at, value)| (*at, value.clamp(low, high)));
     chart.draw_series(LineSeries::new(points, RGBColor(110, 190, 255)))?;
     Ok(())
+}
+
+/// Decimals that tell the labels of an axis of this length apart.
+fn decimals(length: f64) -> usize {
+    (2.0 - length.log10()).clamp(0.0, 6.0) as usize
 }
 
 /// Frames of one size as an endless GIF of grey levels (luminance), `centiseconds` each.

@@ -85,9 +85,9 @@ fn load(args: &Args, rig: &Rig) -> Result<Scene, Failure> {
             return Err(Failure(format!("rig {} shows no point from every side: see praxi rig check", rig.name)));
         }
         if args.scene != BUILTIN || scene.radius() > allowed {
-            // A bounding box in the middle first, then the sphere about it.
+            // The ball about the scene fills the window that the eyes look at, which is a little smaller than the display.
             scene.fit(1.0);
-            scene.fit(0.98 * allowed / scene.radius());
+            scene.fit(0.92 * allowed / scene.radius());
         }
     }
     Ok(scene)

@@ -21,7 +21,7 @@ use serde::Serialize;
 
 /// The files.
 pub(super) const NAMES: [&str; 4] = ["eyes.png", "orbit.gif", "slices.png", "lock.png"];
-const ORBIT_FRAMES: u32 = 72;
+const ORBIT_FRAMES: u32 = 60;
 
 /// Where eyes stand around a rig.
 pub(super) struct Places {
@@ -117,7 +117,7 @@ fn orbit(rig: &Rig, flashes: &[Flash<'_>], places: &Places) -> Vec<u8> {
         })
         .collect();
     bar.finish_and_clear();
-    animation(&frames, 7)
+    animation(&frames, 8)
 }
 
 /// Every so many slices, 24 in all, small.
@@ -150,24 +150,25 @@ fn reduced(turn: &Turn, slice: u32, side: u32) -> Picture {
 fn lock(rig: &Rig, show: &Show) -> Vec<u8> {
     let (speeds, errors) = (show.speeds(), show.phase_errors());
     let end = speeds.last().map_or(1.0, |(at, _)| *at).max(1e-3);
-    let at_speed = errors.first().map_or(0.0, |(at, _)| *at).min(end * 0.99);
+    let near = errors.first().map_or(0.0, |(at, _)| *at).min(end * 0.99);
     let marks: Vec<_> = show.statistics.states.iter().map(|(at, state)| (*at, format!("{state:?}"))).collect();
     let locked = show.statistics.states.iter().find(|(_, state)| *state == State::Locked);
-    let locked = locked.map_or(at_speed, |(at, _)| *at).min(end * 0.99);
+    let locked = locked.map_or(near, |(at, _)| *at).min(end * 0.99);
+    let pulled_in = (locked + 2.0 * (locked - near)).clamp(near + 0.02, end.max(near + 0.02));
     let peak = (show.statistics.peak_slices * 1.2).max(0.005);
-    let panel = |title: &str, unit, points, from, values, limits| Panel {
+    let panel = |title: &str, unit, points, seconds, values, limits| Panel {
         title: title.to_string(),
         unit,
         points,
-        seconds: (from, end),
+        seconds,
         values,
         limits,
         marks: &marks,
     };
     let speed = rig.turns_per_second();
     plot(&[
-        panel("Mirror speed", "turns/s", &speeds, 0.0, (0.0, speed * 1.1), &[speed][..]),
-        panel("Phase error from reaching speed", "slices", &errors, at_speed, (-0.6, 0.6), &[-0.5, 0.5][..]),
-        panel("Phase error while locked", "slices", &errors, locked, (-peak, peak), &[][..]),
+        panel("Mirror speed", "turns/s", &speeds, (0.0, end), (0.0, speed * 1.1), &[speed][..]),
+        panel("Phase error, pulling in", "slices", &errors, (near, pulled_in), (-1.0, 1.0), &[-0.5, 0.5][..]),
+        panel("Phase error while locked", "slices", &errors, (locked, end), (-peak, peak), &[][..]),
     ])
 }

@@ -51,7 +51,7 @@ pub(super) fn run(rig: &Rig, turns: &[Turn], seed: u64) -> Result<Show, Failure>
     let simulator = Simulator::new(rig, Motor::reference(), scenario, seed)?;
     let size = ImageSize::new(rig.projector.width_px, rig.projector.height_px)?;
     let mut stream = Stream::new(SimLink::new(simulator), &rig.rotation(), size)?;
-    let recording = Recording { flashes_max: 3 * rig.rotation.slices as usize, samples_max: 400_000, sample_every: 6 };
+    let recording = Recording { flashes_max: 3 * rig.rotation.slices as usize, samples_max: 400_000, sample_every: 4 };
     stream.link_mut().endpoint_mut().world_mut().record(recording);
     stream.command(Command::Start)?;
     wait_for_lock(rig, &mut stream)?;
@@ -115,9 +115,14 @@ impl Show {
         self.samples.iter().map(|sample| (sample.at_s, sample.speed_rad_s.abs() / TAU)).collect()
     }
 
-    /// Samples as (seconds, slices), from when the mirror is first at speed: before, the phase goes round and round.
+    /// Samples as (seconds, slices), from when the mirror was last a slice or more from its place before it locked: earlier, the
+    /// phase goes round and round.
     pub(super) fn phase_errors(&self) -> Vec<(f64, f64)> {
-        let at_speed = self.samples.iter().skip_while(|sample| matches!(sample.state, State::Idle | State::SpinUp));
-        at_speed.map(|sample| (sample.at_s, sample.error_slices)).collect()
+        let locked = self.samples.iter().position(|sample| sample.state == State::Locked).unwrap_or(0);
+        let near = self.samples[..locked]
+            .iter()
+            .rposition(|sample| sample.error_slices.abs() > 1.0)
+            .map_or(0, |last| last + 1);
+        self.samples[near..].iter().map(|sample| (sample.at_s, sample.error_slices)).collect()
     }
 }
