@@ -48,6 +48,11 @@ pub struct View {
 }
 
 impl View {
+    /// Parts of the work that [`expose`] does one by one.
+    pub fn parts(&self) -> u32 {
+        self.pixels.div_ceil(TILE).pow(2)
+    }
+
     /// The direction of ray (`column`, `row`) of pixel (`x`, `y`), not of unit length. World +y is up in the picture; where the
     /// eye looks straight down or up, world −z is.
     fn ray(&self, x: u32, y: u32, column: u32, row: u32) -> DVec3 {
@@ -100,7 +105,7 @@ const TILE: u32 = 16;
 /// What `view` sees of `flashes`, which cover `turns` turns of `rig`'s mirror.
 ///
 /// Each flash is taken at `exposures` mirror angles between its start and its end, which gives the motion blur. `pixels`,
-/// `rays` and `exposures` must not be 0.
+/// `rays` and `exposures` must not be 0. `done` is called, from any thread, after each of [`View::parts`] parts of the work.
 pub fn expose(
     rig: &Rig,
     flashes: &[Flash<'_>],
@@ -108,6 +113,7 @@ pub fn expose(
     exposures: u32,
     view: &View,
     brightness: Brightness,
+    done: &(dyn Fn() + Sync),
 ) -> Seen {
     let apparatus = Apparatus::new(rig);
     let moments = moments(flashes, exposures);
@@ -120,7 +126,9 @@ pub fn expose(
         .into_par_iter()
         .map(|tile| {
             let corner = [tile % tiles * TILE, tile / tiles * TILE];
-            expose_tile(&apparatus, flashes, &moments, view, corner, scale)
+            let square = expose_tile(&apparatus, flashes, &moments, view, corner, scale);
+            done();
+            square
         })
         .collect();
     let mut seen = Seen {

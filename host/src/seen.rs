@@ -7,8 +7,16 @@ use hil_sim::eye::{self, Flash, Seen};
 pub use hil_sim::eye::{Brightness, View};
 use protocol::rig::Rig;
 
-/// What `view` sees of `turn` on a mirror in perfect step, each slice taken at `exposures` mirror angles.
-pub fn see(rig: &Rig, turn: &Turn, view: &View, exposures: u32, brightness: Brightness) -> Picture {
+/// What `view` sees of `turn` on a mirror in perfect step, each slice taken at `exposures` mirror angles. `done` is called
+/// after each of [`View::parts`] parts of the work.
+pub fn see(
+    rig: &Rig,
+    turn: &Turn,
+    view: &View,
+    exposures: u32,
+    brightness: Brightness,
+    done: &(dyn Fn() + Sync),
+) -> Picture {
     let half = PI / f64::from(rig.rotation.slices);
     let flashes: Vec<_> = (0..rig.rotation.slices)
         .map(|slice| Flash {
@@ -20,7 +28,7 @@ pub fn see(rig: &Rig, turn: &Turn, view: &View, exposures: u32, brightness: Brig
             },
         })
         .collect();
-    picture(eye::expose(rig, &flashes, 1.0, exposures, view, brightness))
+    picture(eye::expose(rig, &flashes, 1.0, exposures, view, brightness, done))
 }
 
 /// The eye's answer as a picture.
@@ -33,7 +41,7 @@ pub fn reaching_slices(rig: &Rig, view: &View) -> usize {
     let reaches = |slice| {
         let angle = rig.slice_angle(slice);
         let flash = Flash { start: angle, end: angle, picture: eye::Picture::Dark };
-        eye::expose(rig, &[flash], 1.0, 1, view, Brightness::Divided).reached.contains(&true)
+        eye::expose(rig, &[flash], 1.0, 1, view, Brightness::Divided, &|| ()).reached.contains(&true)
     };
     (0..rig.rotation.slices).filter(|slice| reaches(*slice)).count()
 }

@@ -61,6 +61,6 @@ pub fn truth(scene: &ShadedScene, from: DVec3) -> Picture {
 
 /// The measure: what an eye at `from` sees of `turn` against the pinhole render, with four exposures a slice.
 pub fn measure(scene: &ShadedScene, rig: &Rig, turn: &Turn, from: DVec3) -> Likeness {
-    let seen = see(rig, turn, &view(from), 4, Brightness::Divided);
+    let seen = see(rig, turn, &view(from), 4, Brightness::Divided, &|| ());
     compare(&seen, &truth(scene, from)).expect("pictures of one size")
 }

@@ -80,8 +80,21 @@ fn unsafe_code_is_nowhere_yet() {
 #[test]
 fn the_top_level_is_the_fixed_one() {
     let fixed = [
-        "Cargo.toml", "Cargo.lock", "firmware", "host", "protocol", "shaders", "hil-sim", "tests", "README.md",
-        "CHANGELOG.md", "LICENSE-MIT", "LICENSE-APACHE", "rust-toolchain.toml", "target", "praxi-demo",
+        "Cargo.toml",
+        "Cargo.lock",
+        "firmware",
+        "host",
+        "protocol",
+        "shaders",
+        "hil-sim",
+        "tests",
+        "README.md",
+        "CHANGELOG.md",
+        "LICENSE-MIT",
+        "LICENSE-APACHE",
+        "rust-toolchain.toml",
+        "target",
+        "praxi-demo",
     ];
     for entry in fs::read_dir(root()).unwrap() {
         let name = entry.unwrap().file_name().to_string_lossy().into_owned();

@@ -24,7 +24,7 @@ fn a_white_scene_is_flat() {
     let rig = Rig::parse(REFERENCE).unwrap();
     let white = vec![255; 768 * 768];
     let flashes = ideal(&rig, |_| Picture::Grey(&white));
-    let seen = expose(&rig, &flashes, 1.0, 4, &view(0.35), Brightness::Divided);
+    let seen = expose(&rig, &flashes, 1.0, 4, &view(0.35), Brightness::Divided, &|| ());
     assert!(seen.reached.iter().all(|reached| *reached));
     assert!(seen.luminance().iter().all(|value| (value - 1.0).abs() < 1e-6));
 }
@@ -35,7 +35,7 @@ fn the_plain_sum_averages_what_the_prototype_measured() {
     let rig = Rig::parse(REFERENCE).unwrap();
     let white = vec![255; 768 * 768];
     let flashes = ideal(&rig, |_| Picture::Grey(&white));
-    let seen = expose(&rig, &flashes, 1.0, 4, &view(0.35), Brightness::Physical);
+    let seen = expose(&rig, &flashes, 1.0, 4, &view(0.35), Brightness::Physical, &|| ());
     let mean = seen.luminance().iter().sum::<f32>() / seen.luminance().len() as f32;
     assert!((mean - 1.08).abs() < 0.03, "{mean}");
 }
@@ -45,7 +45,7 @@ fn blanked_planes_count_as_dark() {
     let rig = Rig::parse(REFERENCE).unwrap();
     let white = vec![0xFF; 768 * 96];
     let flashes = ideal(&rig, |slice| if slice % 2 == 0 { Picture::Binary(&white) } else { Picture::Dark });
-    let seen = expose(&rig, &flashes, 1.0, 8, &view(0.35), Brightness::Divided);
+    let seen = expose(&rig, &flashes, 1.0, 8, &view(0.35), Brightness::Divided, &|| ());
     let mean = seen.luminance().iter().sum::<f32>() / seen.luminance().len() as f32;
     assert!((mean - 0.5).abs() < 0.02, "{mean}");
 }
@@ -62,7 +62,7 @@ fn a_pixel_on_the_axis_is_seen_in_the_middle_from_all_sides() {
     for azimuth in [0.0, 0.9, 2.5, 4.4] {
         let from = DVec3::new(0.9 * f64::sin(azimuth), 0.35, 0.9 * f64::cos(azimuth));
         let view = View { from, pixels: 33, ..view(0.35) };
-        let seen = expose(&rig, &flashes, 1.0, 2, &view, Brightness::Divided);
+        let seen = expose(&rig, &flashes, 1.0, 2, &view, Brightness::Divided, &|| ());
         let luminance = seen.luminance();
         assert!(luminance[16 * 33 + 16] > 0.1, "{azimuth}");
         assert!(luminance.iter().enumerate().all(|(cell, value)| {
@@ -80,7 +80,7 @@ fn squares_leave_nothing_out() {
         let white = vec![255; 768 * 768];
         let flashes = ideal(&rig, |_| Picture::Grey(&white));
         let view = View { pixels: 20, rays: 1, ..view(0.5) };
-        let seen = expose(&rig, &flashes, 1.0, 1, &view, Brightness::Physical);
+        let seen = expose(&rig, &flashes, 1.0, 1, &view, Brightness::Physical, &|| ());
         for cell in 0..400 {
             let direction = view.ray(cell % 20, cell / 20, 0, 0);
             let mut expected = [0.0; 3];
@@ -107,7 +107,7 @@ fn a_measured_lobe_takes_the_triangles_place() {
     let white = vec![255; 768 * 768];
     let [hat, lobe] = [hat, lobe].map(|rig| {
         let flashes = ideal(&rig, |_| Picture::Grey(&white));
-        expose(&rig, &flashes, 1.0, 2, &view(0.35), Brightness::Physical).colours
+        expose(&rig, &flashes, 1.0, 2, &view(0.35), Brightness::Physical, &|| ()).colours
     });
     assert_eq!(hat, lobe);
 }

@@ -1,6 +1,6 @@
 //! `praxi see`: what an eye sees of a rendered turn.
 
-use super::args::ViewArgs;
+use super::args::{ViewArgs, progress};
 use super::{Failure, say, say_json, warn};
 use crate::output::File;
 use crate::rendered;
@@ -53,28 +53,31 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let files: Vec<_> = eyes.iter().map(|(path, _)| File::begin(path)).collect::<Result<_, _>>()?;
     let (rotation, turn) = rendered::load(&args.dir)?;
     let brightness = if args.physical { Brightness::Physical } else { Brightness::Divided };
+    let bar = progress("looking", eyes.iter().map(|(_, view)| u64::from(view.parts())).sum());
     let mut answers = Vec::new();
-    let mut pictures = Vec::new();
+    let (mut pictures, mut lines, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
     for (path, view) in &eyes {
-        let picture = see(&rotation.rig, &turn, view, args.exposures, brightness);
+        let picture = see(&rotation.rig, &turn, view, args.exposures, brightness, &|| bar.inc(1));
         let reached = picture.known.iter().filter(|known| **known).count() as f64 / picture.known.len() as f64;
-        if reached == 0.0 {
-            warn(format!("{}: no slice reaches any pixel from {}", path.display(), view.from));
-        }
         let mean = picture.luminance().iter().sum::<f32>() / (picture.known.len() as f32 * reached.max(1e-9) as f32);
         answers.push(json!({
             "out": path, "from_m": view.from.to_array(), "reached_share": reached, "mean_luminance": mean,
         }));
         pictures.push(if args.linear { picture.linear_png() } else { picture.srgb_png() });
-        if !args.json {
-            say(format!("{}: {:.1} % reached, mean luminance {mean:.4}", path.display(), reached * 100.0));
+        lines.push(format!("{}: {:.1} % reached, mean luminance {mean:.4}", path.display(), reached * 100.0));
+        if reached == 0.0 {
+            warnings.push(format!("{}: no slice reaches any pixel from {}", path.display(), view.from));
         }
     }
+    bar.finish_and_clear();
+    warnings.iter().for_each(warn);
     for (file, picture) in files.into_iter().zip(&pictures) {
         file.finish(picture)?;
     }
     if args.json {
         say_json(&json!({ "dir": args.dir, "eyes": answers }));
+    } else {
+        lines.iter().for_each(say);
     }
     Ok(())
 }

@@ -91,7 +91,7 @@ fn eyes(
         // 0.01 m aside at 0.9 m, as in the measure: an eye does not stand where a slice was rendered for.
         let azimuth = f64::from(third) * TAU / 3.0 + 0.01 / 0.9;
         let view = places.view(azimuth, 256, 4);
-        let picture = seen::picture(expose(rig, flashes, 1.0, 4, &view, Brightness::Divided));
+        let picture = seen::picture(expose(rig, flashes, 1.0, 4, &view, Brightness::Divided, &|| ()));
         let View { from, look_at, window_m, pixels, rays } = view;
         let truth = caster.picture(&Pinhole { from, look_at, window_m, pixels, rays }, &|| ());
         let likeness = compare(&picture, &truth)?;
@@ -111,7 +111,7 @@ fn orbit(rig: &Rig, flashes: &[Flash<'_>], places: &Places) -> Vec<u8> {
     let frames: Vec<Picture> = (0..ORBIT_FRAMES)
         .map(|frame| {
             let view = places.view(TAU * f64::from(frame) / f64::from(ORBIT_FRAMES), 256, 2);
-            let picture = seen::picture(expose(rig, flashes, 1.0, 2, &view, Brightness::Divided));
+            let picture = seen::picture(expose(rig, flashes, 1.0, 2, &view, Brightness::Divided, &|| ()));
             bar.inc(1);
             picture
         })
