@@ -158,7 +158,7 @@ fn a_demo_is_the_whole_way() {
     let written: Value = serde_json::from_slice(&fs::read(desk.path("show/report.json")).unwrap()).unwrap();
     assert_eq!(written, report);
     assert_eq!(report["eyes"].as_array().unwrap().len(), 3);
-    assert!(report["eyes"].as_array().unwrap().iter().all(|eye| eye["psnr_db"].as_f64().unwrap() > 20.0), "{report}");
+    assert!(report["eyes"].as_array().unwrap().iter().all(|eye| eye["psnr_db"].as_f64().unwrap() > 17.0), "{report}");
     assert_eq!(report["lock"]["planes_misplaced"], 0);
     assert!(report["lock"]["planes_shown"].as_u64().unwrap() > 48 * 20);
     assert!(report["lock"]["time_to_lock_ratio"].as_f64().unwrap() < 1.5);

@@ -22,31 +22,25 @@ pub const fn plane_stride(width: u32) -> usize {
 /// Halftones slice `slice`. `luminance`: `width` columns, row major, linear, 0 … 1 (beyond it saturates); `plane`: as many rows
 /// of [`plane_stride`] bytes. A pixel of luminance 0 stays dark, one of 1 is lit.
 pub fn halftone(method: Halftone, slice: u32, width: u32, luminance: &[f32], plane: &mut [u8]) {
-    let rows = || luminance.chunks_exact(width as usize).zip(plane_rows(width));
     match method {
-        Halftone::Bayer => by_mask(rows(), plane, |x, y| bayer_threshold(x, y)),
+        Halftone::Bayer => by_mask(width, luminance, plane, bayer_threshold),
         Halftone::BlueNoise => {
             let mask = shifted_blue_noise(slice);
-            by_mask(rows(), plane, |x, y| mask[(y as usize % BLUE_SIDE) * BLUE_SIDE + x as usize % BLUE_SIDE]);
+            by_mask(width, luminance, plane, |x, y| {
+                mask[(y as usize % BLUE_SIDE) * BLUE_SIDE + x as usize % BLUE_SIDE]
+            });
         }
         Halftone::FloydSteinberg => floyd_steinberg(slice, width, luminance, plane),
     }
 }
 
-fn plane_rows(width: u32) -> impl Iterator<Item = usize> {
-    (0..).map(move |row| row * plane_stride(width))
-}
-
-fn by_mask<'a>(rows: impl Iterator<Item = (&'a [f32], usize)>, plane: &mut [u8], threshold: impl Fn(u32, u32) -> f32) {
-    for ((row, start), y) in rows.zip(0..) {
-        for (block, byte) in row.chunks(8).zip(&mut plane[start..]) {
+fn by_mask(width: u32, luminance: &[f32], plane: &mut [u8], threshold: impl Fn(u32, u32) -> f32) {
+    let rows = luminance.chunks_exact(width as usize).zip(plane.chunks_exact_mut(plane_stride(width)));
+    for (y, (row, bytes)) in (0..).zip(rows) {
+        for (left, (block, byte)) in (0..).step_by(8).zip(row.chunks(8).zip(bytes)) {
             *byte = 0;
-            if block.iter().all(|luminance| *luminance <= 0.0) {
-                continue;
-            }
-            let x = (block.as_ptr() as usize - row.as_ptr() as usize) / size_of::<f32>();
-            for (bit, luminance) in block.iter().enumerate() {
-                *byte |= u8::from(*luminance > threshold((x + bit) as u32, y)) << bit;
+            for (bit, luminance) in (0..).zip(block).filter(|(_, luminance)| **luminance > 0.0) {
+                *byte |= u8::from(*luminance > threshold(left + bit, y)) << bit;
             }
         }
     }
@@ -164,8 +158,8 @@ fn floyd_steinberg(slice: u32, width: u32, luminance: &[f32], plane: &mut [u8]) 
     // One cell of margin on both sides: errors that leave the row fall off.
     let mut here = vec![0.0f32; width_px + 2];
     let mut below = vec![0.0f32; width_px + 2];
-    for ((row, start), y) in luminance.chunks_exact(width_px).zip(plane_rows(width)).zip(0u32..) {
-        let plane_row = &mut plane[start..start + plane_stride(width)];
+    let rows = luminance.chunks_exact(width_px).zip(plane.chunks_exact_mut(plane_stride(width)));
+    for (y, (row, plane_row)) in (0u32..).zip(rows) {
         plane_row.fill(0);
         below.fill(0.0);
         let rightward = y % 2 == 0;

@@ -1,6 +1,7 @@
 //! Arguments that several commands share.
 
 use super::{Failure, warn};
+use crate::picture::Picture;
 use crate::render::truth::Pinhole;
 use crate::scene::{Scene, ShadedScene, Shading, shade};
 use crate::seen::View;
@@ -9,6 +10,7 @@ use clap::ValueEnum;
 use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use protocol::rig::Rig;
+use std::path::PathBuf;
 
 /// A scene and how it is lit.
 #[derive(clap::Args)]
@@ -116,6 +118,23 @@ impl ViewArgs {
     pub(super) fn pinhole(&self) -> Result<Pinhole, Failure> {
         let View { from, look_at, window_m, pixels, rays } = self.view()?;
         Ok(Pinhole { from, look_at, window_m, pixels, rays })
+    }
+}
+
+/// A picture to write.
+#[derive(clap::Args)]
+pub(super) struct PictureArgs {
+    /// The PNG to write: 8-bit sRGB; transparent where nothing is known
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Write 16-bit linear luminance
+    #[arg(long)]
+    pub linear: bool,
+}
+
+impl PictureArgs {
+    pub(super) fn png(&self, picture: &Picture) -> Vec<u8> {
+        if self.linear { picture.linear_png() } else { picture.srgb_png() }
     }
 }
 

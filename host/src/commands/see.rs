@@ -1,6 +1,6 @@
 //! `praxi see`: what an eye sees of a rendered turn.
 
-use super::args::{ViewArgs, progress};
+use super::args::{PictureArgs, ViewArgs, progress};
 use super::{Failure, say, say_json, warn};
 use crate::output::File;
 use crate::rendered;
@@ -27,12 +27,8 @@ pub(super) struct Args {
     /// Two pictures, NAME-left and NAME-right, for two eyes this far apart
     #[arg(long, value_name = "M", value_parser = super::args::positive)]
     eyes: Option<f64>,
-    /// The PNG to write: 8-bit sRGB; transparent where no slice reaches
-    #[arg(long, value_name = "FILE")]
-    out: PathBuf,
-    /// Write 16-bit linear luminance
-    #[arg(long)]
-    linear: bool,
+    #[command(flatten)]
+    picture: PictureArgs,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -41,12 +37,12 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let view = args.view.view()?;
     let eyes = match args.eyes {
-        None => vec![(args.out.clone(), view)],
+        None => vec![(args.picture.out.clone(), view)],
         Some(distance) => {
             let aside = aside(&view) * distance / 2.0;
             vec![
-                (named(&args.out, "-left"), View { from: view.from - aside, ..view }),
-                (named(&args.out, "-right"), View { from: view.from + aside, ..view }),
+                (named(&args.picture.out, "-left"), View { from: view.from - aside, ..view }),
+                (named(&args.picture.out, "-right"), View { from: view.from + aside, ..view }),
             ]
         }
     };
@@ -63,7 +59,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
         answers.push(json!({
             "out": path, "from_m": view.from.to_array(), "reached_share": reached, "mean_luminance": mean,
         }));
-        pictures.push(if args.linear { picture.linear_png() } else { picture.srgb_png() });
+        pictures.push(args.picture.png(&picture));
         lines.push(format!("{}: {:.1} % reached, mean luminance {mean:.4}", path.display(), reached * 100.0));
         if reached == 0.0 {
             warnings.push(format!("{}: no slice reaches any pixel from {}", path.display(), view.from));

@@ -1,11 +1,10 @@
 //! `praxi truth`: what a pinhole sees of the scene itself.
 
-use super::args::{SceneArgs, ViewArgs, progress};
+use super::args::{PictureArgs, SceneArgs, ViewArgs, progress};
 use super::{Failure, say, say_json};
 use crate::output::File;
 use crate::render::truth::Caster;
 use serde_json::json;
-use std::path::PathBuf;
 
 /// Render what a pinhole camera sees of the scene itself: the picture that `see` is compared with
 #[derive(clap::Args)]
@@ -15,12 +14,8 @@ pub(super) struct Args {
     scene: SceneArgs,
     #[command(flatten)]
     view: ViewArgs,
-    /// The PNG to write: 8-bit sRGB
-    #[arg(long, value_name = "FILE")]
-    out: PathBuf,
-    /// Write 16-bit linear luminance
-    #[arg(long)]
-    linear: bool,
+    #[command(flatten)]
+    picture: PictureArgs,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -29,16 +24,16 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let pinhole = args.view.pinhole()?;
     let (_, shaded) = args.scene.load()?;
-    let file = File::begin(&args.out)?;
+    let file = File::begin(&args.picture.out)?;
     let bar = progress("casting rays", pinhole.pixels.into());
     let picture = Caster::new(&shaded).picture(&pinhole, &|| bar.inc(1));
     bar.finish_and_clear();
-    file.finish(&if args.linear { picture.linear_png() } else { picture.srgb_png() })?;
+    file.finish(&args.picture.png(&picture))?;
     let mean = picture.luminance().iter().sum::<f32>() / picture.known.len() as f32;
     if args.json {
-        say_json(&json!({ "out": args.out, "from_m": pinhole.from.to_array(), "mean_luminance": mean }));
+        say_json(&json!({ "out": args.picture.out, "from_m": pinhole.from.to_array(), "mean_luminance": mean }));
     } else {
-        say(format!("{}: mean luminance {mean:.4}", args.out.display()));
+        say(format!("{}: mean luminance {mean:.4}", args.picture.out.display()));
     }
     Ok(())
 }
