@@ -1,6 +1,8 @@
 //! Where the planes of a turn live. A turn is 21 MB and a controller has kilobytes, so pixels never pass through the core:
 //! it moves handles, and the store (memory in the simulator, an FPGA's frame store on a board) keeps and expands the planes.
 
+use protocol::message::{EndTurn, PlaneData};
+
 /// One of the store's slots for a turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct TurnHandle(pub u8);
@@ -32,11 +34,11 @@ pub trait PlaneStore {
     /// A slot for a new turn.
     fn begin(&mut self) -> Result<TurnHandle, Self::Error>;
 
-    /// Expands `compressed` into slice `slice` of the turn in `turn`.
-    fn write(&mut self, turn: TurnHandle, slice: u16, compressed: &[u8]) -> Result<(), Self::Error>;
+    /// Expands some of a plane's compressed bytes into the turn in `turn`. With the last of them the plane is checked.
+    fn write(&mut self, turn: TurnHandle, part: &PlaneData<'_>) -> Result<(), Self::Error>;
 
-    /// The turn is whole and may be shown. Refused where a slice is missing.
-    fn finish(&mut self, turn: TurnHandle) -> Result<(), Self::Error>;
+    /// The turn may be shown. Refused where a slice is missing or the planes are not those of the turn's check.
+    fn finish(&mut self, turn: TurnHandle, end: &EndTurn) -> Result<(), Self::Error>;
 
     /// The slot may be filled again.
     fn release(&mut self, turn: TurnHandle);

@@ -117,7 +117,7 @@ impl Checkers {
         };
         // A whole plane must be centred on the slice's middle; a part of one must lie within the slice. Both within the allowance.
         let slices = f64::from(self.rotation.slices());
-        let middle = self.rotation.slice_middle_radians(u32::from(slice));
+        let middle = self.rotation.slice_middle(u32::from(slice)).radians();
         let from_middle = |angle: f64| {
             let turns = sign * (angle - middle) / TAU;
             (turns - turns.round()) * slices

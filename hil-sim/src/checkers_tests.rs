@@ -14,7 +14,7 @@ fn perfect(rotation: &Rotation, turns: u64) -> Vec<Flash> {
     (0..turns * 288)
         .map(|number| {
             let slice = (number % 288) as u16;
-            let middle = rotation.slice_middle_radians(u32::from(slice)) + sign * TAU * (number / 288) as f64;
+            let middle = rotation.slice_middle(u32::from(slice)).radians() + sign * TAU * (number / 288) as f64;
             Flash {
                 start: Nanos(number * PLANE_NS),
                 end: Nanos((number + 1) * PLANE_NS),

@@ -2,12 +2,16 @@
 
 pub mod check;
 pub mod checkers;
+pub mod device;
+pub mod eye;
 pub mod faults;
+pub mod frame_store;
 pub mod motor;
 pub mod noise;
 pub mod plant;
 pub mod projector;
 pub mod scenario;
 pub mod sensors;
+pub mod simulator;
 pub mod statistics;
 pub mod world;

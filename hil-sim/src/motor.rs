@@ -2,6 +2,7 @@
 
 use crate::check::{Range, ValueError};
 use firmware::config::{ClockFigures, Config, Limits, MotorFigures, SensorFigures};
+use protocol::rig::toml_problem;
 use protocol::timing::Rotation;
 use protocol::units::Nanos;
 use serde::{Deserialize, Serialize};
@@ -109,11 +110,11 @@ pub struct ControlTimer {
 /// Why a motor file is refused.
 #[derive(Debug, Error)]
 pub enum MotorError {
-    /// Not TOML, or keys missing, unknown or of the wrong kind; the message names line and key.
-    #[error("motor file: {0}")]
-    Format(#[from] toml::de::Error),
+    /// Not TOML, or keys missing, unknown or of the wrong kind: line, key, and the parser's words.
+    #[error("{0}")]
+    Syntax(String),
     /// An impossible value.
-    #[error("motor file: {0}")]
+    #[error("{0}")]
     Value(#[from] ValueError),
 }
 
@@ -125,7 +126,7 @@ impl Motor {
 
     /// Reads and checks a motor file.
     pub fn from_toml(text: &str) -> Result<Self, MotorError> {
-        let motor: Self = toml::from_str(text)?;
+        let motor: Self = toml::from_str(text).map_err(|error| MotorError::Syntax(toml_problem(text, &error)))?;
         motor.check()?;
         Ok(motor)
     }

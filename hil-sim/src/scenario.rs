@@ -11,6 +11,7 @@
 //! ```
 
 use crate::check::{Range, ValueError};
+use protocol::rig::toml_problem;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -134,11 +135,11 @@ pub enum Action {
 /// Why a scenario is refused.
 #[derive(Debug, Error)]
 pub enum ScenarioError {
-    /// Not TOML, or keys missing, unknown or of the wrong kind; the message names line and key.
-    #[error("scenario file: {0}")]
-    Format(#[from] toml::de::Error),
+    /// Not TOML, or keys missing, unknown or of the wrong kind: line, key, and the parser's words.
+    #[error("{0}")]
+    Syntax(String),
     /// An impossible value.
-    #[error("scenario file: {0}")]
+    #[error("{0}")]
     Value(#[from] ValueError),
 }
 
@@ -155,13 +156,15 @@ impl Default for Scenario {
 
 impl Scenario {
     /// The names of the scenarios that come with the simulator.
-    pub const BUILT_IN: [&str; 6] = ["plain", "second-motor", "pulses", "dropouts", "rate-step", "emergency-stop"];
+    pub const BUILT_IN: [&str; 7] =
+        ["plain", "second-motor", "smooth-motor", "pulses", "dropouts", "rate-step", "emergency-stop"];
 
     /// A scenario that comes with the simulator, by its name.
     pub fn built_in(name: &str) -> Option<Self> {
         let text = match name {
             "plain" => include_str!("../scenarios/plain.toml"),
             "second-motor" => include_str!("../scenarios/second-motor.toml"),
+            "smooth-motor" => include_str!("../scenarios/smooth-motor.toml"),
             "pulses" => include_str!("../scenarios/pulses.toml"),
             "dropouts" => include_str!("../scenarios/dropouts.toml"),
             "rate-step" => include_str!("../scenarios/rate-step.toml"),
@@ -173,7 +176,8 @@ impl Scenario {
 
     /// Reads and checks a scenario file. Events come out in order of time.
     pub fn from_toml(text: &str) -> Result<Self, ScenarioError> {
-        let mut scenario: Self = toml::from_str(text)?;
+        let mut scenario: Self =
+            toml::from_str(text).map_err(|error| ScenarioError::Syntax(toml_problem(text, &error)))?;
         let scale = Range { least: 0.01, most: 100.0 };
         scale.check("plant.inertia", scenario.plant.inertia)?;
         scale.check("plant.friction", scenario.plant.friction)?;

@@ -10,12 +10,12 @@ use crate::plant::{Plant, Stretch};
 use crate::projector::Projector;
 use crate::scenario::{Action, Scenario};
 use crate::sensors::{Encoder, Index};
-use crate::statistics::{Collector, LockStatistics};
+use crate::statistics::Collector;
 use firmware::config::ConfigError;
-use firmware::controller::{Controller, Input, Output};
+use firmware::controller::{Controller, Estimates, Input, Output};
 use firmware::plane_store::{Plane, TurnHandle};
 use firmware::safety::Levels;
-use protocol::message::{Command, Fault, State};
+use protocol::message::{Command, State};
 use protocol::timing::{Direction, Rotation};
 use protocol::units::Nanos;
 use std::collections::VecDeque;
@@ -26,11 +26,18 @@ use std::f64::consts::TAU;
 pub trait Core {
     /// Takes one input.
     fn step(&mut self, now: Nanos, input: Input) -> Output;
+
+    /// What it believes.
+    fn estimates(&self) -> Estimates;
 }
 
 impl Core for Controller {
     fn step(&mut self, now: Nanos, input: Input) -> Output {
         Controller::step(self, now, input)
+    }
+
+    fn estimates(&self) -> Estimates {
+        Controller::estimates(self)
     }
 }
 
@@ -45,7 +52,7 @@ pub struct Recording {
     pub sample_every: u32,
 }
 
-/// The one command that repeats a run: built-in names or paths of files, as `praxi sim` takes them.
+/// The one command that repeats a run: a rig's name or file, and the files of motor and scenario.
 pub fn repeat_command(rig: &str, motor: &str, scenario: &str, seconds: f64, seed: u64) -> String {
     format!("praxi sim --rig {rig} --motor {motor} --scenario {scenario} --seconds {seconds} --seed {seed}")
 }
@@ -164,11 +171,6 @@ impl World {
         }
     }
 
-    /// What to keep from now on.
-    pub fn record(&mut self, recording: Recording) {
-        self.recording = recording;
-    }
-
     /// The host commands something now.
     pub fn command(&mut self, command: Command) {
         if command == Command::Start {
@@ -182,49 +184,12 @@ impl World {
         self.feed(self.now, Input::TurnReady(turn));
     }
 
-    /// Slots that may be filled again, in order, since the last call.
-    pub fn take_released(&mut self) -> Vec<TurnHandle> {
-        std::mem::take(&mut self.released)
-    }
-
-    /// Recorded flashes since the last call.
-    pub fn take_flashes(&mut self) -> Vec<Flash> {
-        self.flashes.drain(..).collect()
-    }
-
-    /// Recorded samples since the last call.
-    pub fn take_samples(&mut self) -> Vec<Sample> {
-        std::mem::take(&mut self.samples)
-    }
-
-    /// Simulated time.
-    pub fn now(&self) -> Nanos {
-        Nanos(self.now as u64)
-    }
-
-    /// What the controller says that it is doing.
-    pub fn state(&self) -> State {
-        self.output.state
-    }
-
-    /// Why the controller stopped.
-    pub fn fault(&self) -> Option<Fault> {
-        self.output.fault
-    }
-
-    /// The true mirror angle, radians counter-clockwise, unwrapped.
-    pub fn true_angle(&self) -> f64 {
-        self.plant.angle()
-    }
-
-    /// The true speed, rad/s.
-    pub fn true_speed(&self) -> f64 {
-        self.plant.speed()
-    }
-
-    /// What the run has been so far.
-    pub fn statistics(&self) -> LockStatistics {
-        self.collector.summary(self.now * 1e-9, self.checkers.verdict().clone())
+    /// The turn that the projector is showing.
+    pub fn turn_on_screen(&self) -> Option<TurnHandle> {
+        match self.lit?.plane {
+            Plane::Slice { turn, .. } => Some(turn),
+            Plane::Dark => None,
+        }
     }
 
     /// Moves on by `seconds`.
@@ -413,6 +378,8 @@ impl World {
 
 #[path = "world_actions.rs"]
 mod actions;
+#[path = "world_view.rs"]
+mod view;
 
 #[cfg(test)]
 #[path = "world_tests.rs"]

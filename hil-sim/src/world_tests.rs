@@ -1,5 +1,6 @@
 use super::*;
 use crate::scenario::PlantScale;
+use protocol::message::Fault;
 use protocol::units::Turns;
 
 fn rotation(slices: u32, refresh_hz: u64, direction: Direction) -> Rotation {

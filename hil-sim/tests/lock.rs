@@ -2,7 +2,7 @@
 
 use firmware::plane_store::TurnHandle;
 use hil_sim::motor::Motor;
-use hil_sim::scenario::{PlantScale, Scenario};
+use hil_sim::scenario::Scenario;
 use hil_sim::statistics::LockStatistics;
 use hil_sim::world::{World, repeat_command};
 use protocol::timing::{Direction, Rotation};
@@ -32,7 +32,8 @@ fn check(rig: &str, refresh_hz: u64, scenario: &Scenario, seconds: f64, rms: f64
                 && statistics.faults.is_empty()
                 && statistics.locked_seconds >= seconds - 2.0;
             let figures = format!("rms {:.4} peak {:.4}", statistics.rms_slices, statistics.peak_slices);
-            let command = repeat_command(rig, "reference", &scenario.name, seconds, seed);
+            let file = format!("hil-sim/scenarios/{}.toml", scenario.name);
+            let command = repeat_command(rig, "hil-sim/motors/reference.toml", &file, seconds, seed);
             (!good).then(|| format!("{figures} ratio {ratio:.3} {:?}; {command}", statistics.verdict))
         })
         .collect();
@@ -57,7 +58,6 @@ fn a_minute_at_240_hz() {
 fn a_second_motor() {
     let second = Scenario::built_in("second-motor").unwrap();
     check("reference", 240, &second, 12.0, 0.01, 0.05);
-    let mut smooth = second;
-    smooth.plant = PlantScale { inertia: 0.5, friction: 0.5 };
+    let smooth = Scenario::built_in("smooth-motor").unwrap();
     check("reference", 240, &smooth, 12.0, 0.01, 0.05);
 }

@@ -1,1 +1,15 @@
-//! Praxinoscope's host library.
+//! Praxinoscope's host library: a scene becomes the slices of a turn, the turn reaches a device, and what an eye sees of it.
+
+pub mod commands;
+pub mod link;
+pub mod measure;
+pub mod output;
+pub mod picture;
+pub mod render;
+pub mod rendered;
+pub mod rigs;
+pub mod scene;
+pub mod seen;
+pub mod sheet;
+pub mod stream;
+pub mod volume;

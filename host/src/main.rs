@@ -1,1 +1,5 @@
-fn main() {}
+//! `praxi`, the command line tool.
+
+fn main() -> std::process::ExitCode {
+    host::commands::main()
+}

@@ -119,8 +119,8 @@ impl Rotation {
 
     /// The nominal duration of plane 0 … `planes` of a frame together, rounded down.
     pub const fn planes_nanos(&self, planes: u32) -> u64 {
-        (planes as u128 * 1_000_000_000_000_000
-            / (self.refresh_microhertz as u128 * self.planes_per_frame as u128)) as u64
+        (planes as u128 * 1_000_000_000_000_000 / (self.refresh_microhertz as u128 * self.planes_per_frame as u128))
+            as u64
     }
 
     /// The frame that slice `slice` is in, and its plane there.
@@ -158,17 +158,6 @@ impl Rotation {
     /// The mirror angle for which slice `slice` is rendered: the middle of its exposure, `2π (k + ½) / slices` past the index.
     pub fn slice_middle(&self, slice: u32) -> Turns {
         self.angle(Turns::fraction(u64::from(slice) * 2 + 1, u64::from(self.slices) * 2))
-    }
-
-    /// The mirror angle for which slice `slice` is rendered, in radians, in double precision without the step of [`Turns`].
-    pub fn slice_middle_radians(&self, slice: u32) -> f64 {
-        let progress = core::f64::consts::TAU * (f64::from(slice) + 0.5) / f64::from(self.slices);
-        let offset = self.phase_offset.0 as i32;
-        let offset = f64::from(offset) / 4_294_967_296.0 * core::f64::consts::TAU;
-        match self.direction {
-            Direction::CounterClockwise => offset + progress,
-            Direction::Clockwise => offset - progress,
-        }
     }
 }
 
@@ -213,9 +202,7 @@ mod tests {
             let inside = start + Turns((within * 4_294_967_296.0 / f64::from(rotation.slices()) - 2.0).max(0.0) as u32);
             prop_assert_eq!(rotation.slice_at(rotation.angle(inside)), slice);
             prop_assert_eq!(rotation.slice_at(rotation.slice_middle(slice)), slice);
-            let fine = Turns::from_turns(rotation.slice_middle_radians(slice) / core::f64::consts::TAU);
-            prop_assert!(fine.signed_from(rotation.slice_middle(slice)).abs() <= 2);
-            prop_assert_eq!(rotation.angle(rotation.progress(fine)), fine);
+            prop_assert_eq!(rotation.angle(rotation.progress(Turns(offset))), Turns(offset));
         }
     }
 }

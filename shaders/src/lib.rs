@@ -1,1 +1,8 @@
-//! The pairs x.wgsl and x.rs: what a GPU runs, and its twin on the CPU.
+//! The inner operations of rendering a turn, as pure functions on the CPU. Each will stand beside its WGSL pair `x.wgsl`.
+//!
+//! [`project`]: scene point to (u, v, depth), and a pixel back to its sight line. [`halftone`]: luminance to one bit.
+//! [`pack`]: 24 slices to one frame.
+
+pub mod halftone;
+pub mod pack;
+pub mod project;

@@ -1,1 +1,66 @@
-//! Whole-system tests live in tests/.
+//! What the whole-system tests share. The tests themselves live in `tests/`.
+
+use glam::DVec3;
+use host::measure::{Likeness, compare};
+use host::picture::Picture;
+use host::render::Renderer;
+use host::render::cpu::CpuRenderer;
+use host::render::plan::Plan;
+use host::render::truth::{Caster, Pinhole};
+use host::render::turn::Turn;
+use host::scene::{Scene, ShadedScene, Shading, shade};
+use host::seen::{Brightness, View, see};
+use protocol::rig::Rig;
+use std::path::{Path, PathBuf};
+
+/// A rig of `host/rigs`, or of `tests/rigs`.
+pub fn rig(name: &str) -> Rig {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    Rig::load(&root.join(format!("../host/rigs/{name}.toml"))).expect("a built-in rig")
+}
+
+/// A file of the data folder that is not part of the project; says so where it is missing.
+pub fn shared(path: &str) -> Option<PathBuf> {
+    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
+    let folder = std::env::var_os("PRAXI_SHARED").map_or(default, PathBuf::from);
+    let file = folder.join(path);
+    if file.exists() {
+        return Some(file);
+    }
+    println!("skipped: {} is missing", file.display());
+    None
+}
+
+/// The bunny of rig.md's measure: fitted to 100 mm, flat normals.
+pub fn bunny() -> Option<ShadedScene> {
+    let mut scene = Scene::load(shared("data/meshes/stanford-bunny.obj")?).expect("the bunny");
+    scene.fit(0.1);
+    Some(shade(&scene, Shading::Lambert, false))
+}
+
+/// The built-in scene, lit.
+pub fn builtin() -> ShadedScene {
+    shade(&Scene::builtin(), Shading::Lambert, false)
+}
+
+/// One turn by `plan`.
+pub fn turn(scene: &ShadedScene, rig: &Rig, plan: &Plan) -> Turn {
+    CpuRenderer.render_turn(scene, rig, plan, &|| ()).expect("a scene of moderate size")
+}
+
+/// The measure's view from `from`: a window of 130 mm, 256 × 256 pixels of 4 × 4 rays.
+pub fn view(from: DVec3) -> View {
+    View { from, look_at: DVec3::ZERO, window_m: 0.13, pixels: 256, rays: 4 }
+}
+
+/// The pinhole render with the same rays.
+pub fn truth(scene: &ShadedScene, from: DVec3) -> Picture {
+    let View { from, look_at, window_m, pixels, rays } = view(from);
+    Caster::new(scene).picture(&Pinhole { from, look_at, window_m, pixels, rays }, &|| ())
+}
+
+/// The measure: what an eye at `from` sees of `turn` against the pinhole render, with four exposures a slice.
+pub fn measure(scene: &ShadedScene, rig: &Rig, turn: &Turn, from: DVec3) -> Likeness {
+    let seen = see(rig, turn, &view(from), 4, Brightness::Divided, &|| ());
+    compare(&seen, &truth(scene, from)).expect("pictures of one size")
+}

@@ -1,0 +1,138 @@
+//! The simulated controller as a host meets it: the wire's end, the frame store, the firmware's core and the world around it.
+
+use crate::device::{Device, Endpoint, Input, Report};
+use crate::eye::{Flash, Picture};
+use crate::motor::Motor;
+use crate::scenario::Scenario;
+use crate::world::World;
+use firmware::config::ConfigError;
+use firmware::plane_store::{Plane, TurnHandle};
+use protocol::rig::Rig;
+use protocol::timing::Rotation;
+use protocol::units::Nanos;
+
+/// How often the controller reports to the host, seconds.
+const REPORT_S: f64 = 0.01;
+
+/// A device whose projector and mirror are simulated.
+pub struct Simulator {
+    device: Device,
+    world: World,
+    motor: Motor,
+    scenario: Scenario,
+    seed: u64,
+    frame_latency: Nanos,
+    on_screen: Option<TurnHandle>,
+    turns_shown: u32,
+    report_at: Nanos,
+}
+
+impl Simulator {
+    /// A device for `rig`, switched on.
+    pub fn new(rig: &Rig, motor: Motor, scenario: Scenario, seed: u64) -> Result<Self, ConfigError> {
+        let frame_latency = Nanos::from_seconds(rig.projector.frame_latency_us * 1e-6);
+        let world = World::new(&rig.rotation(), frame_latency, &motor, &scenario, seed)?;
+        Ok(Self {
+            device: Device::new(),
+            world,
+            motor,
+            scenario,
+            seed,
+            frame_latency,
+            on_screen: None,
+            turns_shown: 0,
+            report_at: Nanos::ZERO,
+        })
+    }
+
+    /// Motor, projector and controller.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// Motor, projector and controller.
+    pub fn world_mut(&mut self) -> &mut World {
+        &mut self.world
+    }
+
+    /// The wire's end, with the planes that arrived.
+    pub fn device(&self) -> &Device {
+        &self.device
+    }
+
+    /// What the eye takes of a flash that the world recorded: pixels from the frame store, angles as the mirror really stood.
+    /// `None` where the turn has left the store since.
+    pub fn flash(&self, flash: &crate::checkers::Flash) -> Option<Flash<'_>> {
+        let picture = match flash.plane {
+            Plane::Dark => Picture::Dark,
+            Plane::Slice { turn, slice } => Picture::Binary(self.device.store().plane(turn, slice)?.bytes()),
+        };
+        Some(Flash { start: flash.angle_start, end: flash.angle_end, picture })
+    }
+
+    /// What arrived over the wire goes to the controller.
+    fn deliver(&mut self) {
+        while let Some(input) = self.device.next_input() {
+            match input {
+                Input::Configured(rotation, _) => self.configure(&rotation),
+                Input::Command(command) => self.world.command(command),
+                Input::TurnReady(turn) => self.world.turn_ready(turn),
+            }
+        }
+        self.release();
+    }
+
+    /// Another rotation restarts the controller, and the world with it. One that the controller refuses changes nothing: planes
+    /// for it arrive and stay dark.
+    fn configure(&mut self, rotation: &Rotation) {
+        if *rotation != *self.world.rotation()
+            && let Ok(world) = World::new(rotation, self.frame_latency, &self.motor, &self.scenario, self.seed)
+        {
+            self.world = world;
+        }
+    }
+
+    fn release(&mut self) {
+        for turn in self.world.take_released() {
+            self.device.release(turn);
+        }
+        let on_screen = self.world.turn_on_screen();
+        if on_screen != self.on_screen {
+            self.on_screen = on_screen;
+            self.turns_shown = self.turns_shown.saturating_add(u32::from(on_screen.is_some()));
+        }
+    }
+
+    fn report(&self) -> Report {
+        let estimates = self.world.estimates();
+        let slices = self.world.rotation().slices() as f32;
+        Report {
+            state: self.world.state(),
+            fault: self.world.fault(),
+            phase_error: (estimates.phase_error_slices / slices * 4_294_967_296.0) as i32,
+            speed_microhertz: (estimates.speed_rad_s.abs() / core::f32::consts::TAU * 1e6) as u32,
+            turns_shown: self.turns_shown,
+            on_screen: self.on_screen,
+        }
+    }
+}
+
+impl Endpoint for Simulator {
+    fn receive(&mut self, bytes: &[u8]) {
+        self.device.receive(bytes);
+        self.deliver();
+    }
+
+    fn transmit(&mut self) -> Vec<u8> {
+        if self.world.now() >= self.report_at {
+            self.report_at = self.world.now() + Nanos::from_seconds(REPORT_S);
+            self.device.report(self.report());
+        }
+        self.device.transmit()
+    }
+
+    fn advance(&mut self, seconds: f64) {
+        self.world.advance(seconds);
+        self.release();
+    }
+}

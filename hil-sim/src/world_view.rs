@@ -1,0 +1,72 @@
+//! What may be seen of a world from outside.
+
+use super::{Recording, Sample, World};
+use crate::checkers::Flash;
+use crate::statistics::LockStatistics;
+use firmware::controller::Estimates;
+use firmware::plane_store::TurnHandle;
+use protocol::message::{Fault, State};
+use protocol::timing::Rotation;
+use protocol::units::Nanos;
+
+impl World {
+    /// What to keep from now on.
+    pub fn record(&mut self, recording: Recording) {
+        self.recording = recording;
+    }
+
+    /// Slots that may be filled again, in order, since the last call.
+    pub fn take_released(&mut self) -> Vec<TurnHandle> {
+        std::mem::take(&mut self.released)
+    }
+
+    /// Recorded flashes since the last call.
+    pub fn take_flashes(&mut self) -> Vec<Flash> {
+        self.flashes.drain(..).collect()
+    }
+
+    /// Recorded samples since the last call.
+    pub fn take_samples(&mut self) -> Vec<Sample> {
+        std::mem::take(&mut self.samples)
+    }
+
+    /// Simulated time.
+    pub fn now(&self) -> Nanos {
+        Nanos(self.now as u64)
+    }
+
+    /// What the controller says that it is doing.
+    pub fn state(&self) -> State {
+        self.output.state
+    }
+
+    /// Why the controller stopped.
+    pub fn fault(&self) -> Option<Fault> {
+        self.output.fault
+    }
+
+    /// What the controller believes.
+    pub fn estimates(&self) -> Estimates {
+        self.core.estimates()
+    }
+
+    /// How a turn is cut.
+    pub fn rotation(&self) -> &Rotation {
+        &self.rotation
+    }
+
+    /// The true mirror angle, radians counter-clockwise, unwrapped.
+    pub fn true_angle(&self) -> f64 {
+        self.plant.angle()
+    }
+
+    /// The true speed, rad/s.
+    pub fn true_speed(&self) -> f64 {
+        self.plant.speed()
+    }
+
+    /// What the run has been so far.
+    pub fn statistics(&self) -> LockStatistics {
+        self.collector.summary(self.now * 1e-9, self.checkers.verdict().clone())
+    }
+}

@@ -1,0 +1,163 @@
+//! Arguments that several commands share.
+
+use super::{Failure, warn};
+use crate::picture::Picture;
+use crate::render::truth::Pinhole;
+use crate::scene::{Scene, ShadedScene, Shading, shade};
+use crate::seen::View;
+use crate::volume::display_radius_m;
+use clap::ValueEnum;
+use glam::DVec3;
+use indicatif::{ProgressBar, ProgressStyle};
+use protocol::rig::Rig;
+use std::path::PathBuf;
+
+/// A scene and how it is lit.
+#[derive(clap::Args)]
+pub(super) struct SceneArgs {
+    /// A .gltf, .glb, .obj or .ply file in metres, or `builtin`
+    pub scene: String,
+    /// Centre the bounding box at the origin and scale its largest extent to M metres
+    #[arg(long, value_name = "M", value_parser = positive)]
+    pub fit_m: Option<f64>,
+    /// How surfaces are lit
+    #[arg(long, value_enum, default_value = "lambert")]
+    pub shading: ShadingArg,
+    /// Use the file's normals, where it has them, in place of the triangles'
+    #[arg(long)]
+    pub smooth: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum ShadingArg {
+    /// The measure's light: 0.1 + 0.85 max(0, n·l)
+    Lambert,
+    /// Every surface keeps its own luminance
+    Unlit,
+}
+
+impl ShadingArg {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Lambert => "lambert",
+            Self::Unlit => "unlit",
+        }
+    }
+}
+
+impl SceneArgs {
+    /// Loads, fits and lights the scene; prints its notes as warnings.
+    pub(super) fn load(&self) -> Result<(Scene, ShadedScene), Failure> {
+        let mut scene = Scene::load(&self.scene)?;
+        for note in &scene.notes {
+            warn(format!("{}: {note}", self.scene));
+        }
+        if let Some(extent) = self.fit_m {
+            scene.fit(extent as f32);
+        }
+        let shading = match self.shading {
+            ShadingArg::Lambert => Shading::Lambert,
+            ShadingArg::Unlit => Shading::Unlit,
+        };
+        let shaded = shade(&scene, shading, self.smooth);
+        Ok((scene, shaded))
+    }
+
+    /// Warns of a scene that `rig` cannot show whole, with the size that fits.
+    pub(super) fn warn_if_too_large(&self, scene: &Scene, rig: &Rig) {
+        let allowed = display_radius_m(rig);
+        let radius = f64::from(scene.radius());
+        if radius <= allowed {
+            return;
+        }
+        let (low, high) = scene.bounds();
+        let (centre, extent) = ((low + high) / 2.0, f64::from((high - low).max_element()));
+        let corners = scene.triangles.iter().flatten().map(|corner| scene.positions[*corner as usize]);
+        let about_centre = f64::from(corners.map(|position| position.distance(centre)).fold(0.0, f32::max));
+        let fit = extent * allowed / about_centre;
+        warn(format!(
+            "{}: reaches {:.1} mm from the origin; rig {} shows {:.1} mm from every side: --fit-m {:.3} fits",
+            self.scene,
+            radius * 1e3,
+            rig.name,
+            allowed * 1e3,
+            (fit * 1e3).floor() / 1e3,
+        ));
+    }
+}
+
+/// Where an eye is and what it looks at.
+#[derive(clap::Args)]
+pub(super) struct ViewArgs {
+    /// The eye in metres; +y is up, +z the front of the display
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
+    pub from: DVec3,
+    /// The middle of the window that it looks at
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true, default_value = "0,0,0")]
+    pub look_at: DVec3,
+    /// The side of the window, which stands at right angles to the line of sight
+    #[arg(long, value_name = "M", value_parser = positive, default_value = "0.13")]
+    pub window_m: f64,
+    /// The side of the picture
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), default_value = "256")]
+    pub pixels: u32,
+    /// N × N rays are averaged in a pixel
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16), default_value = "4")]
+    pub rays: u32,
+}
+
+impl ViewArgs {
+    pub(super) fn view(&self) -> Result<View, Failure> {
+        if self.from.distance(self.look_at) < 1e-6 {
+            return Err(Failure("--from and --look-at are the same point: they must differ".into()));
+        }
+        let Self { from, look_at, window_m, pixels, rays } = *self;
+        Ok(View { from, look_at, window_m, pixels, rays })
+    }
+
+    pub(super) fn pinhole(&self) -> Result<Pinhole, Failure> {
+        let View { from, look_at, window_m, pixels, rays } = self.view()?;
+        Ok(Pinhole { from, look_at, window_m, pixels, rays })
+    }
+}
+
+/// A picture to write.
+#[derive(clap::Args)]
+pub(super) struct PictureArgs {
+    /// The PNG to write: 8-bit sRGB; transparent where nothing is known
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Write 16-bit linear luminance
+    #[arg(long)]
+    pub linear: bool,
+}
+
+impl PictureArgs {
+    pub(super) fn png(&self, picture: &Picture) -> Vec<u8> {
+        if self.linear { picture.linear_png() } else { picture.srgb_png() }
+    }
+}
+
+/// A length in metres.
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "must be a number of metres".to_string())?;
+    if (1e-6..=1e6).contains(&value) { Ok(value) } else { Err("must be from 0.000001 to 1000000 metres".into()) }
+}
+
+/// Three numbers with commas.
+pub(super) fn point(text: &str) -> Result<DVec3, String> {
+    let numbers: Vec<f64> = text.split(',').map_while(|part| part.trim().parse().ok()).collect();
+    match numbers[..] {
+        [x, y, z] if text.split(',').count() == 3 && numbers.iter().all(|value| value.abs() <= 1e9) => {
+            Ok(DVec3::new(x, y, z))
+        }
+        _ => Err("must be three numbers of metres with commas, as in 0.01,0.35,0.9".into()),
+    }
+}
+
+/// A bar on standard error, which vanishes when it is done; nothing where that is no terminal.
+pub(super) fn progress(what: &'static str, steps: u64) -> ProgressBar {
+    let style =
+        ProgressStyle::with_template("{prefix:<22} {bar:32} {pos:>5}/{len} {eta:>4}").expect("a fixed template");
+    ProgressBar::new(steps).with_style(style.progress_chars("█▌ ")).with_prefix(what)
+}

@@ -1,0 +1,111 @@
+//! One file a subcommand. This one reads the command line, and is the edge at which errors become one line and exit code 2.
+
+mod args;
+mod compare;
+mod demo;
+mod project;
+mod render;
+mod rig;
+mod see;
+mod sim;
+mod truth;
+
+use crate::output;
+use clap::error::ErrorKind;
+use clap::{Parser, Subcommand};
+use std::fmt::Display;
+use std::io::Write;
+use std::process::ExitCode;
+
+/// Praxinoscope: what a 360-degree light-field display shows, rendered, simulated and seen.
+#[derive(Parser)]
+#[command(name = "praxi", version, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Demo(demo::Args),
+    Render(render::Args),
+    See(see::Args),
+    Truth(truth::Args),
+    Compare(compare::Args),
+    Project(project::Args),
+    Rig(rig::Args),
+    Sim(sim::Args),
+}
+
+/// What is printed on one line before exit code 2: what, where, what is allowed.
+#[derive(Debug)]
+struct Failure(String);
+
+impl<E: std::error::Error> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self(error.to_string())
+    }
+}
+
+/// Runs the command line of this process.
+pub fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return refuse_arguments(&error),
+    };
+    // Without the handler a stopped program leaves a hidden folder behind, and nothing worse.
+    let _ = ctrlc::set_handler(|| {
+        output::remove_half_made();
+        std::process::exit(130);
+    });
+    let result = match cli.command {
+        Command::Demo(args) => demo::run(&args),
+        Command::Render(args) => render::run(&args),
+        Command::See(args) => see::run(&args),
+        Command::Truth(args) => truth::run(&args),
+        Command::Compare(args) => compare::run(&args),
+        Command::Project(args) => project::run(&args),
+        Command::Rig(args) => rig::run(&args),
+        Command::Sim(args) => sim::run(&args),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure(message)) => fail(&message),
+    }
+}
+
+fn fail(message: &str) -> ExitCode {
+    eprintln!("praxi: error: {}", message.split_whitespace().collect::<Vec<_>>().join(" "));
+    ExitCode::from(2)
+}
+
+fn refuse_arguments(error: &clap::Error) -> ExitCode {
+    match error.kind() {
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
+            say(&error.render().to_string());
+            ExitCode::SUCCESS
+        }
+        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            eprint!("{}", error.render());
+            ExitCode::from(2)
+        }
+        _ => {
+            let text = error.render().to_string();
+            let text = text.split("\n\nUsage:").next().unwrap_or(&text);
+            fail(text.split("\n\nFor more").next().unwrap_or(text).trim_start_matches("error: "))
+        }
+    }
+}
+
+/// Prints to standard output. A reader that has gone away, as in `praxi … | head`, is no error.
+fn say(text: impl Display) {
+    let _ = writeln!(std::io::stdout(), "{}", text.to_string().trim_end());
+}
+
+fn say_json(value: &serde_json::Value) {
+    say(format!("{value:#}"));
+}
+
+fn warn(message: impl Display) {
+    eprintln!("praxi: warning: {message}");
+}

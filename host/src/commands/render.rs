@@ -1,0 +1,67 @@
+//! `praxi render`: one turn of a scene, as a folder.
+
+use super::args::{SceneArgs, progress};
+use super::{Failure, say, say_json};
+use crate::output::Folder;
+use crate::render::Renderer;
+use crate::render::cpu::CpuRenderer;
+use crate::render::plan::{Halftone, Model, Plan};
+use crate::rendered::{Method, Rotation, SceneNote, write};
+use crate::rigs;
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Render one turn of a scene: 12 frames of 24 binary slices, or grey slices, and rotation.json
+#[derive(clap::Args)]
+#[command(after_help = "Example: praxi render builtin --rig reference --out turn")]
+pub(super) struct Args {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// A rig file, or reference, reference-180hz, high-viewer, tent
+    #[arg(long)]
+    rig: String,
+    /// The folder to write; an earlier result of praxi is replaced
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// How the diffuser is modelled
+    #[arg(long, value_enum, default_value = "cone")]
+    model: Model,
+    /// How luminance becomes bits
+    #[arg(long, value_enum, default_value = "blue-noise")]
+    halftone: Halftone,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args) -> Result<(), Failure> {
+    let rig = rigs::find(&args.rig)?;
+    let (scene, shaded) = args.scene.load()?;
+    let folder = Folder::begin(&args.out)?;
+    args.scene.warn_if_too_large(&scene, &rig);
+    let plan = Plan { model: args.model, halftone: args.halftone, ..Plan::default() };
+    let bar = progress("rendering slices", rig.rotation.slices.into());
+    let turn = CpuRenderer.render_turn(&shaded, &rig, &plan, &|| bar.inc(1))?;
+    bar.finish_and_clear();
+    let note =
+        SceneNote { source: args.scene.scene.clone(), triangles: scene.triangles.len(), fit_m: args.scene.fit_m };
+    let method = Method { plan, shading: args.scene.shading.name().into(), smooth: args.scene.smooth };
+    let rotation = Rotation::new(&rig, note, method);
+    let pictures = if args.halftone == Halftone::Grey { rotation.slices } else { rotation.frames };
+    let bar = progress("writing pictures", pictures.into());
+    write(folder.path(), &turn, &rotation, &|| bar.inc(1))?;
+    bar.finish_and_clear();
+    folder.finish()?;
+    let lit = (0..turn.slices()).map(|slice| turn.mean(slice)).sum::<f64>() / f64::from(turn.slices());
+    if args.json {
+        say_json(&json!({
+            "out": args.out, "rig": rig.name, "slices": rotation.slices, "frames": rotation.frames,
+            "pictures": pictures, "triangles": scene.triangles.len(), "lit_share": lit,
+            "model": args.model, "halftone": args.halftone,
+        }));
+    } else {
+        let kind = if args.halftone == Halftone::Grey { "grey slices" } else { "frames of 24 slices" };
+        say(format!("{}: {pictures} {kind}, {:.1} % lit", args.out.display(), lit * 100.0));
+    }
+    Ok(())
+}

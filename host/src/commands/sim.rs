@@ -1,0 +1,153 @@
+//! `praxi sim`: motor, lock and sequencing alone.
+
+use super::args::progress;
+use super::{Failure, say, say_json};
+use crate::rigs;
+use hil_sim::device::TurnHandle;
+use hil_sim::motor::Motor;
+use hil_sim::scenario::Scenario;
+use hil_sim::statistics::LockStatistics;
+use hil_sim::world::World;
+use protocol::units::Nanos;
+use serde_json::{Value, json};
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
+
+/// Simulate motor, lock and sequencing, without pixels, and say how well the mirror keeps step
+#[derive(clap::Args)]
+#[command(after_help = "Example: praxi sim --rig reference --seconds 60 --seed 7")]
+pub(super) struct Args {
+    /// A rig file, or reference, reference-180hz, high-viewer, tent
+    #[arg(long, default_value = "reference")]
+    rig: String,
+    /// A motor file; the reference motor without it
+    #[arg(long, value_name = "FILE")]
+    motor: Option<PathBuf>,
+    /// A file with faults and commands over time; without it the motor is started after 0.05 s
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
+    /// Simulated seconds
+    #[arg(long, value_name = "S", value_parser = seconds, default_value = "60")]
+    seconds: f64,
+    /// All noise follows from it
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "must be a number of seconds".to_string())?;
+    if (0.001..=1e5).contains(&value) { Ok(value) } else { Err("must be from 0.001 to 100000 seconds".into()) }
+}
+
+pub(super) fn run(args: &Args) -> Result<(), Failure> {
+    let rig = rigs::find(&args.rig)?;
+    let motor = args.motor.as_deref().map_or(Ok(Motor::reference()), |path| load(path, Motor::from_toml))?;
+    let scenario = args.scenario.as_deref().map_or(Ok(Scenario::default()), |path| load(path, Scenario::from_toml))?;
+    let latency = Nanos::from_seconds(rig.projector.frame_latency_us * 1e-6);
+    let mut world = World::new(&rig.rotation(), latency, &motor, &scenario, args.seed)
+        .map_err(|error| Failure(format!("{} with motor {}: {error}", rig.name, motor.name)))?;
+    keep_step(&mut world, args.seconds);
+    let statistics = world.statistics();
+    if args.json {
+        say_json(&as_json(&statistics));
+    } else {
+        say(as_text(&statistics));
+    }
+    let verdict = &statistics.verdict;
+    if verdict.is_clean() {
+        return Ok(());
+    }
+    let first = verdict.first.as_deref().unwrap_or("a checker failed");
+    Err(Failure(format!("{first}; repeat with: {}", args.repeat())))
+}
+
+fn load<T, E: Display>(path: &Path, parse: impl Fn(&str) -> Result<T, E>) -> Result<T, Failure> {
+    let text = std::fs::read_to_string(path).map_err(|error| Failure(format!("{}: {error}", path.display())))?;
+    parse(&text).map_err(|error| Failure(format!("{}: {error}", path.display())))
+}
+
+/// Runs for `seconds` with two turns that take each other's place: a slot that comes back is at once full again.
+fn keep_step(world: &mut World, seconds: f64) {
+    const STEP_S: f64 = 0.1;
+    let bar = progress("simulating (0.1 s)", (seconds / STEP_S).ceil() as u64);
+    world.turn_ready(TurnHandle(0));
+    world.turn_ready(TurnHandle(1));
+    let mut left = seconds;
+    while left > 1e-9 {
+        world.advance_until(STEP_S.min(left), |_| false);
+        left -= STEP_S;
+        for turn in world.take_released() {
+            world.turn_ready(turn);
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+}
+
+impl Args {
+    /// The one command that does the same again.
+    fn repeat(&self) -> String {
+        let file = |name: &str, path: &Option<PathBuf>| {
+            path.as_ref().map(|path| format!(" --{name} {}", path.display())).unwrap_or_default()
+        };
+        format!(
+            "praxi sim --rig {}{}{} --seconds {} --seed {}",
+            self.rig,
+            file("motor", &self.motor),
+            file("scenario", &self.scenario),
+            self.seconds,
+            self.seed,
+        )
+    }
+}
+
+/// The statistics with the time to lock, which is the first recovery's, and the planes on top.
+pub(super) fn as_json(statistics: &LockStatistics) -> Value {
+    let start = statistics.recoveries.first();
+    let mut value = serde_json::to_value(statistics).expect("numbers and names");
+    let more = json!({
+        "time_to_lock_s": start.and_then(|start| start.settled_s),
+        "time_to_lock_ratio": start.and_then(|start| start.ratio()),
+        "planes_shown": statistics.verdict.lit,
+        "planes_misplaced": statistics.verdict.misplaced,
+        "planes_dark": statistics.dark,
+    });
+    if let (Some(value), Value::Object(more)) = (value.as_object_mut(), more) {
+        value.extend(more);
+    }
+    value
+}
+
+fn as_text(statistics: &LockStatistics) -> String {
+    let LockStatistics { rms_slices, p99_slices, peak_slices, rms_us, p99_us, peak_us, verdict, .. } = statistics;
+    let mut lines = vec![
+        format!("simulated     {:.1} s, {:.1} s of it locked", statistics.seconds, statistics.locked_seconds),
+        format!("phase error   RMS {rms_slices:.4}, p99 {p99_slices:.4}, peak {peak_slices:.4} slices"),
+        format!("              RMS {rms_us:.2}, p99 {p99_us:.2}, peak {peak_us:.2} us"),
+        format!("planes        {} shown, {} misplaced, {} dark", verdict.lit, verdict.misplaced, statistics.dark),
+        format!(
+            "checkers      {}: {} misplaced, {} forbidden, {} torn, {} disordered; farthest {:.3} slices",
+            if verdict.is_clean() { "passed" } else { "FAILED" },
+            verdict.misplaced,
+            verdict.forbidden,
+            verdict.torn,
+            verdict.disordered,
+            verdict.farthest_slices,
+        ),
+    ];
+    for recovery in &statistics.recoveries {
+        let settled = recovery.settled_s.map_or("not in step again".to_string(), |settled| {
+            let ratio = recovery.ratio().filter(|_| recovery.torque_limited_s > 0.05);
+            let ratio = ratio.map(|ratio| format!(", {ratio:.2} x the torque-limited time")).unwrap_or_default();
+            format!("in step after {settled:.3} s{ratio}")
+        });
+        lines.push(format!("at {:>7.3} s  {}: {settled}", recovery.at_s, recovery.cause));
+    }
+    for (at, fault) in &statistics.faults {
+        lines.push(format!("at {at:>7.3} s  fault: {fault:?}"));
+    }
+    lines.join("\n")
+}

@@ -1,0 +1,38 @@
+//! A scene becomes a turn of slices; and what a pinhole would see, to compare with.
+
+pub mod cpu;
+pub mod plan;
+pub mod tessellate;
+pub mod truth;
+pub mod turn;
+
+use crate::scene::ShadedScene;
+use plan::Plan;
+use protocol::rig::Rig;
+use thiserror::Error;
+use turn::Turn;
+
+/// Why a turn cannot be rendered.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum RenderError {
+    /// Straight edges would need too many pieces.
+    #[error("cutting edges to {limit_mm} mm gives more than {allowed} triangles: make the scene smaller, with --fit-m")]
+    TooManyTriangles {
+        /// The length to which edges are cut.
+        limit_mm: u32,
+        /// The most triangles.
+        allowed: usize,
+    },
+}
+
+/// A way to render a turn.
+pub trait Renderer {
+    /// Renders `scene` into every slice of a turn by `plan`. `done` is called from any thread after each slice.
+    fn render_turn(
+        &self,
+        scene: &ShadedScene,
+        rig: &Rig,
+        plan: &Plan,
+        done: &(dyn Fn() + Sync),
+    ) -> Result<Turn, RenderError>;
+}

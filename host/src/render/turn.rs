@@ -1,0 +1,85 @@
+//! All slices of one rotation.
+
+use shaders::halftone::plane_stride;
+
+/// What a pixel of a slice holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Depth {
+    /// One bit: pixel x is bit x mod 8 of byte x div 8, rows of ⌈width / 8⌉ bytes.
+    Binary,
+    /// One byte of linear luminance, 255 is white.
+    Grey,
+}
+
+/// The slices of one rotation, in order, each row by row from the top.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Turn {
+    width: u32,
+    height: u32,
+    depth: Depth,
+    data: Vec<u8>,
+}
+
+impl Turn {
+    /// `slices` dark slices.
+    pub fn dark(slices: u32, width: u32, height: u32, depth: Depth) -> Self {
+        let mut turn = Self { width, height, depth, data: Vec::new() };
+        turn.data = vec![0; turn.slice_bytes() * slices as usize];
+        turn
+    }
+
+    /// Image width in pixels.
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Image height in pixels.
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// What a pixel holds.
+    pub fn depth(&self) -> Depth {
+        self.depth
+    }
+
+    /// Slices a turn.
+    pub fn slices(&self) -> u32 {
+        (self.data.len() / self.slice_bytes()) as u32
+    }
+
+    /// Bytes of one slice.
+    pub fn slice_bytes(&self) -> usize {
+        let row = match self.depth {
+            Depth::Binary => plane_stride(self.width),
+            Depth::Grey => self.width as usize,
+        };
+        row * self.height as usize
+    }
+
+    /// Slice `slice`, which must be below [`Turn::slices`].
+    pub fn slice(&self, slice: u32) -> &[u8] {
+        let bytes = self.slice_bytes();
+        &self.data[slice as usize * bytes..][..bytes]
+    }
+
+    /// All slices one after the other.
+    pub fn bytes(&self) -> &[u8] {
+        &self.data
+    }
+
+    /// All slices one after the other, to be filled.
+    pub fn bytes_mut(&mut self) -> &mut [u8] {
+        &mut self.data
+    }
+
+    /// Mean luminance of slice `slice`, 0 … 1.
+    pub fn mean(&self, slice: u32) -> f64 {
+        let bytes = self.slice(slice).iter();
+        let pixels = f64::from(self.width) * f64::from(self.height);
+        match self.depth {
+            Depth::Binary => f64::from(bytes.map(|byte| byte.count_ones()).sum::<u32>()) / pixels,
+            Depth::Grey => bytes.map(|byte| f64::from(*byte)).sum::<f64>() / 255.0 / pixels,
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! What is shown: triangles in metres with colours, from glTF, OBJ or PLY files or from the built-in scene.
+//!
+//! A [`Scene`] is geometry as the file has it, in world space (right-handed, +y up, +z to the front of the display, the
+//! origin at the mirror's centre). [`shade`] lights it and gives the renderer what it consumes: a [`ShadedScene`].
+//! Nothing a file holds makes the loader panic, and what a file promises is compared with what it holds before memory is
+//! reserved for it. (A picture may unpack to 512 MiB; instances in glTF multiply, up to [`TRIANGLES_MAX`].)
+
+mod assembly;
+mod builtin;
+mod error;
+mod files;
+mod gltf;
+mod gltf_accessor;
+mod gltf_material;
+mod gltf_nodes;
+mod mtl;
+mod obj;
+mod ply;
+mod shade;
+mod texture;
+
+#[cfg(test)]
+mod tests_builtin;
+#[cfg(test)]
+mod tests_files;
+#[cfg(test)]
+mod tests_gltf;
+#[cfg(test)]
+mod tests_gltf_fixture;
+#[cfg(test)]
+mod tests_mutation;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::{DVec3, Vec2, Vec3};
+
+pub use error::{Fault, SceneError};
+pub use shade::{ShadedScene, ShadedTriangle, Shading, lambert, light, luminance, shade};
+pub use texture::{Texture, Wrap};
+
+/// The name that means [`Scene::builtin`] where a path to a file is asked for.
+pub const BUILTIN: &str = "builtin";
+
+/// File endings that [`Scene::load`] reads, in lower case.
+pub const EXTENSIONS: [&str; 4] = ["gltf", "glb", "obj", "ply"];
+
+/// More triangles than this are refused: a turn of them could not be rendered in reasonable time or memory.
+pub const TRIANGLES_MAX: usize = 50_000_000;
+
+/// Triangles in metres, world space, with what colours them.
+///
+/// Every index in `triangles` is below `positions.len()`, every coordinate finite, every triangle has an area; scenes
+/// from [`Scene::load`] and [`Scene::builtin`] hold this.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// What to call it: the file's name without its folder, or `builtin`.
+    pub name: String,
+    /// Metres, world space.
+    pub positions: Vec<Vec3>,
+    /// Per vertex, unit length; empty where the file has none, zero for a vertex that has none.
+    pub normals: Vec<Vec3>,
+    /// Per vertex, linear RGB, multiplies the material's colour; empty where the file has none.
+    pub colours: Vec<Vec3>,
+    /// Per vertex, (0, 0) is the top left corner of the texture and v grows downward (glTF's sense); empty where the
+    /// file has none.
+    pub uvs: Vec<Vec2>,
+    /// Indices of vertices, counter-clockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+    /// Per triangle, an index into `materials`.
+    pub triangle_materials: Vec<u32>,
+    /// At least one.
+    pub materials: Vec<Material>,
+    /// One-line remarks for the person who loaded the file, such as what was left out.
+    pub notes: Vec<String>,
+}
+
+/// How a surface is coloured.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// As in the file, or `default`.
+    pub name: String,
+    /// Linear RGB.
+    pub base_colour: Vec3,
+    /// Multiplies the base colour.
+    pub texture: Option<Arc<Texture>>,
+    /// True for a surface that ignores the light (`KHR_materials_unlit`).
+    pub unlit: bool,
+}
+
+impl Default for Material {
+    /// White, lit, without a texture.
+    fn default() -> Self {
+        Self { name: "default".into(), base_colour: Vec3::ONE, texture: None, unlit: false }
+    }
+}
+
+impl Scene {
+    /// Reads a `.gltf`, `.glb`, `.obj` or `.ply` file (the ending in any case), or makes the built-in scene for the
+    /// name [`BUILTIN`]. The file's units are taken as metres and its axes as ours; see [`Scene::fit`].
+    ///
+    /// # Errors
+    /// [`SceneError`] in one line for a file that is missing, unreadable, of another kind, broken, truncated, empty,
+    /// too large or that refers to what is not there.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, SceneError> {
+        let path = path.as_ref();
+        if path == Path::new(BUILTIN) {
+            return Ok(Self::builtin());
+        }
+        // The parsers of glTF, PLY, PNG and JPEG are not ours. We check what they rely on and know of no input that
+        // makes them panic; this turns the one we have not met into an error.
+        std::panic::catch_unwind(|| Self::load_file(path))
+            .unwrap_or_else(|_| Err(Fault::malformed("file", "its parser failed")))
+            .map_err(|fault| SceneError::new(path, fault))
+    }
+
+    fn load_file(path: &Path) -> Result<Self, Fault> {
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        if !EXTENSIONS.contains(&extension.as_str()) {
+            return Err(Fault::UnknownKind { extension });
+        }
+        let bytes = files::read(path)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let mut scene = match extension.as_str() {
+            "obj" => obj::parse(&bytes, &files::Folder(folder)),
+            "ply" => ply::parse(&bytes),
+            _ => gltf::parse(&bytes, &files::Folder(folder)),
+        }?;
+        scene.name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        Ok(scene)
+    }
+
+    /// The scene that needs no file, in metres, within a ball of radius 60 mm about the origin.
+    pub fn builtin() -> Self {
+        builtin::build()
+    }
+
+    /// Smallest and largest coordinates of the vertices that triangles use, metres. A scene without triangles gives
+    /// (infinity, -infinity).
+    pub fn bounds(&self) -> (Vec3, Vec3) {
+        self.used_positions().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
+    }
+
+    /// Largest distance from the origin of a vertex that a triangle uses, metres; 0 without triangles.
+    pub fn radius(&self) -> f32 {
+        self.used_positions().map(Vec3::length).fold(0.0, f32::max)
+    }
+
+    /// Centres the bounding box of [`Scene::bounds`] at the origin and makes its largest extent `extent_m` metres.
+    ///
+    /// # Panics
+    /// If `extent_m` is not a positive finite number: the edge has to check what people enter.
+    pub fn fit(&mut self, extent_m: f32) {
+        assert!(extent_m.is_finite() && extent_m > 0.0, "extent {extent_m} m, allowed are positive finite numbers");
+        if self.triangles.is_empty() {
+            return;
+        }
+        // In f64: a small object far from the origin keeps its digits.
+        let (low, high): (DVec3, DVec3) = (self.bounds().0.into(), self.bounds().1.into());
+        let centre = (low + high) / 2.0;
+        let scale = f64::from(extent_m) / (high - low).max_element();
+        for position in &mut self.positions {
+            *position = ((DVec3::from(*position) - centre) * scale).as_vec3();
+        }
+    }
+
+    fn used_positions(&self) -> impl Iterator<Item = Vec3> + '_ {
+        self.triangles.iter().flatten().map(|&i| self.positions[i as usize])
+    }
+
+    /// The material of triangle `index`.
+    pub fn material_of(&self, index: usize) -> &Material {
+        &self.materials[self.triangle_materials[index] as usize]
+    }
+}

@@ -1,0 +1,47 @@
+//! What an eye sees of a turn: the host's one door to the simulator's forward model.
+
+use crate::picture::Picture;
+use crate::render::turn::{Depth, Turn};
+use core::f64::consts::PI;
+use hil_sim::eye::{self, Flash, Seen};
+pub use hil_sim::eye::{Brightness, View};
+use protocol::rig::Rig;
+
+/// What `view` sees of `turn` on a mirror in perfect step, each slice taken at `exposures` mirror angles. `done` is called
+/// after each of [`View::parts`] parts of the work.
+pub fn see(
+    rig: &Rig,
+    turn: &Turn,
+    view: &View,
+    exposures: u32,
+    brightness: Brightness,
+    done: &(dyn Fn() + Sync),
+) -> Picture {
+    let half = PI / f64::from(rig.rotation.slices);
+    let flashes: Vec<_> = (0..rig.rotation.slices)
+        .map(|slice| Flash {
+            start: rig.slice_angle(slice) - half,
+            end: rig.slice_angle(slice) + half,
+            picture: match turn.depth() {
+                Depth::Binary => eye::Picture::Binary(turn.slice(slice)),
+                Depth::Grey => eye::Picture::Grey(turn.slice(slice)),
+            },
+        })
+        .collect();
+    picture(eye::expose(rig, &flashes, 1.0, exposures, view, brightness, done))
+}
+
+/// The eye's answer as a picture.
+pub fn picture(seen: Seen) -> Picture {
+    Picture { width: seen.pixels, height: seen.pixels, colours: seen.colours, known: seen.reached }
+}
+
+/// How many slices of a turn reach some ray of `view`.
+pub fn reaching_slices(rig: &Rig, view: &View) -> usize {
+    let reaches = |slice| {
+        let angle = rig.slice_angle(slice);
+        let flash = Flash { start: angle, end: angle, picture: eye::Picture::Dark };
+        eye::expose(rig, &[flash], 1.0, 1, view, Brightness::Divided, &|| ()).reached.contains(&true)
+    };
+    (0..rig.rotation.slices).filter(|slice| reaches(*slice)).count()
+}

@@ -1,0 +1,299 @@
+//! Turns to a device: handshake, acknowledgement, retries, back-pressure.
+
+use crate::link::{Link, LinkError};
+use conversation::{Answer, Conversation};
+use protocol::codec::{ImageSize, compress, plane_check, turn_check};
+use protocol::message::{
+    BeginTurn, Command, Configure, Control, EndTurn, Hello, Message, PLANE_PART_BYTES, PlaneData, Reason, SCHEMA,
+    State, Status, VERSION,
+};
+use protocol::packet::PacketError;
+use protocol::timing::Rotation;
+use std::collections::VecDeque;
+use std::time::Duration;
+use thiserror::Error;
+
+mod conversation;
+
+/// Packets of planes that may be under way unanswered: at most half a megabyte.
+const WINDOW: usize = 32;
+/// How often the planes that did not arrive are sent again.
+const ROUNDS: usize = 20;
+/// How long to wait before a device that is busy is asked again.
+const BUSY_WAIT: Duration = Duration::from_millis(2);
+
+/// A turn as a stream takes it.
+pub trait TurnPlanes {
+    /// Slices of the turn.
+    fn slices(&self) -> u32;
+
+    /// Slice `slice`, below [`slices`](Self::slices), in the layout of [`protocol::codec`]: one bit a pixel, rows from the top,
+    /// each packed least significant bit first and padded to whole bytes.
+    fn plane_bytes(&self, slice: u32) -> &[u8];
+}
+
+/// Why a turn or an order did not reach the device.
+#[derive(Debug, Error)]
+pub enum StreamError {
+    /// See the message.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// See the message.
+    #[error(transparent)]
+    Packet(#[from] PacketError),
+    /// See the message.
+    #[error(
+        "the device speaks protocol version {device_version}, schema {device_schema:#018x}; this program speaks version \
+         {VERSION}, schema {SCHEMA:#018x}: install the same release on both"
+    )]
+    Schema {
+        /// The device's version.
+        device_version: u16,
+        /// The device's schema.
+        device_schema: u64,
+    },
+    /// See the message.
+    #[error("the device did not answer {message}, sent {attempts} times")]
+    NoAnswer {
+        /// The message's name.
+        message: &'static str,
+        /// How often it was sent.
+        attempts: u32,
+    },
+    /// See the message.
+    #[error("the device refused {message}: {reason}")]
+    Refused {
+        /// The message's name.
+        message: &'static str,
+        /// Why.
+        #[source]
+        reason: Reason,
+    },
+    /// See the message.
+    #[error("the device was busy for {waited:?}: it holds two turns and shows neither to its end{}", in_state(*state))]
+    Busy {
+        /// How long it was asked.
+        waited: Duration,
+        /// What the controller was doing, if it said so.
+        state: Option<State>,
+    },
+    /// See the message.
+    #[error("turn {turn}: {planes} planes did not arrive in {ROUNDS} attempts")]
+    PlanesLost {
+        /// The turn.
+        turn: u32,
+        /// How many.
+        planes: usize,
+    },
+    /// See the message.
+    #[error("a turn of {slices} slices for a display of {expected}")]
+    Slices {
+        /// What was given.
+        slices: u32,
+        /// What the rotation has.
+        expected: u32,
+    },
+    /// See the message.
+    #[error("slice {slice} has {bytes} bytes: {expected} are needed")]
+    PlaneBytes {
+        /// The slice.
+        slice: u32,
+        /// What was given.
+        bytes: usize,
+        /// What the image size needs.
+        expected: usize,
+    },
+}
+
+fn in_state(state: Option<State>) -> String {
+    state.map_or_else(String::new, |state| format!(" (state {state:?})"))
+}
+
+/// A turn that the device has whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ticket {
+    /// The turn's number, as in [`Status::turn_on_screen`].
+    pub turn: u32,
+}
+
+/// What went over the wire.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Statistics {
+    /// Turns that the device has acknowledged.
+    pub turns: u64,
+    /// Bytes of planes of those turns, expanded.
+    pub bytes_raw: u64,
+    /// Bytes sent, with framing and retries.
+    pub bytes_on_wire: u64,
+    /// Packets sent, with retries.
+    pub packets: u64,
+    /// Packets and planes that were sent again.
+    pub retries: u64,
+    /// Packets that the device refused, other than because it was busy.
+    pub refused: u64,
+}
+
+/// A connection to a device that shows turns of one rotation and image size.
+#[derive(Debug)]
+pub struct Stream<L> {
+    conversation: Conversation<L>,
+    rotation: Rotation,
+    size: ImageSize,
+    turn: u32,
+    /// Of one plane, kept for its memory.
+    compressed: Vec<u8>,
+}
+
+/// A packet of a plane that was not answered yet.
+struct Sent {
+    sequence: u32,
+    slice: u16,
+    last: bool,
+}
+
+impl<L: Link> Stream<L> {
+    /// Greets the device and configures it. A device of another version or schema is refused, both named.
+    pub fn new(link: L, rotation: &Rotation, size: ImageSize) -> Result<Self, StreamError> {
+        let mut conversation = Conversation::new(link);
+        conversation.greet()?;
+        let answer = conversation.request(&Hello { version: VERSION, schema: SCHEMA }.into())?;
+        if let Answer::Hello { version, schema } = answer
+            && schema != SCHEMA
+        {
+            return Err(StreamError::Schema { device_version: version, device_schema: schema });
+        }
+        conversation.ask(&Configure::new(rotation, size).into())?;
+        Ok(Self { conversation, rotation: *rotation, size, turn: 0, compressed: Vec::new() })
+    }
+
+    /// Sends `turn` and returns when the device has it whole; it comes on screen at the next index. Waits while both slots of
+    /// the device are full, at most four turns and a second.
+    ///
+    /// After an error the device keeps showing what it shows; the next turn starts afresh.
+    pub fn submit(&mut self, turn: &impl TurnPlanes) -> Result<Ticket, StreamError> {
+        let slices = self.check(turn)?;
+        self.turn = self.turn.wrapping_add(1);
+        let number = self.turn;
+        self.begin(number)?;
+        let mut checks = Vec::with_capacity(slices.into());
+        checks.extend((0..slices).map(|slice| plane_check(turn.plane_bytes(slice.into()))));
+        let mut pending: Vec<u16> = (0..slices).collect();
+        for round in 0..ROUNDS {
+            if round > 0 {
+                self.conversation.statistics.retries += pending.len() as u64;
+            }
+            let arrived = self.send_planes(number, turn, &pending, &checks)?;
+            pending.retain(|slice| !arrived[usize::from(*slice)]);
+            if pending.is_empty() {
+                break;
+            }
+        }
+        if !pending.is_empty() {
+            return Err(StreamError::PlanesLost { turn: number, planes: pending.len() });
+        }
+        self.conversation.ask(&EndTurn { turn: number, check: turn_check(number, checks) }.into())?;
+        let statistics = &mut self.conversation.statistics;
+        statistics.turns += 1;
+        statistics.bytes_raw += u64::from(slices) * self.size.plane_bytes() as u64;
+        Ok(Ticket { turn: number })
+    }
+
+    /// Gives the controller an order and returns when the device has it.
+    pub fn command(&mut self, command: Command) -> Result<(), StreamError> {
+        self.conversation.ask(&Control { command }.into())
+    }
+
+    /// Waits up to `wait` for news and returns the latest status, if there ever was one.
+    pub fn poll(&mut self, wait: Duration) -> Result<Option<Status>, StreamError> {
+        self.conversation.listen(wait)?;
+        self.conversation.answers.clear();
+        Ok(self.conversation.status)
+    }
+
+    /// The latest status that came.
+    pub fn status(&self) -> Option<&Status> {
+        self.conversation.status.as_ref()
+    }
+
+    /// What went over the wire so far.
+    pub fn statistics(&self) -> Statistics {
+        self.conversation.statistics
+    }
+
+    /// The link.
+    pub fn link(&self) -> &L {
+        &self.conversation.link
+    }
+
+    /// The link, for a simulation's far end. Bytes that are taken from it here are lost to the stream.
+    pub fn link_mut(&mut self) -> &mut L {
+        &mut self.conversation.link
+    }
+
+    /// Ends the stream; the device keeps what it has.
+    pub fn into_link(self) -> L {
+        self.conversation.link
+    }
+
+    fn check(&self, turn: &impl TurnPlanes) -> Result<u16, StreamError> {
+        let (slices, expected) = (turn.slices(), self.rotation.slices());
+        if slices != expected {
+            return Err(StreamError::Slices { slices, expected });
+        }
+        for slice in 0..slices {
+            let (bytes, expected) = (turn.plane_bytes(slice).len(), self.size.plane_bytes());
+            if bytes != expected {
+                return Err(StreamError::PlaneBytes { slice, bytes, expected });
+            }
+        }
+        // A rotation has at most 4096.
+        Ok(slices as u16)
+    }
+
+    fn begin(&mut self, turn: u32) -> Result<(), StreamError> {
+        let message = Message::from(BeginTurn { turn, slices: self.rotation.slices() as u16 });
+        let turn_time = Duration::from_nanos(self.rotation.planes_nanos(self.rotation.slices()));
+        let start = self.conversation.link.now();
+        loop {
+            match self.conversation.request(&message)? {
+                Answer::Nack(Reason::Busy) => {}
+                answer => return self.conversation.accepted(&message, answer),
+            }
+            let waited = self.conversation.link.now() - start;
+            if waited > 4 * turn_time + Duration::from_secs(1) {
+                return Err(StreamError::Busy { waited, state: self.conversation.status.map(|status| status.state) });
+            }
+            self.conversation.listen(BUSY_WAIT)?;
+        }
+    }
+
+    /// Sends `planes` once and says which arrived, by slice.
+    fn send_planes(
+        &mut self,
+        number: u32,
+        turn: &impl TurnPlanes,
+        planes: &[u16],
+        checks: &[u64],
+    ) -> Result<Vec<bool>, StreamError> {
+        let mut arrived = vec![false; checks.len()];
+        let mut sent = VecDeque::with_capacity(WINDOW);
+        for &slice in planes {
+            self.compressed.clear();
+            compress(turn.plane_bytes(slice.into()), self.size.row_bytes(), &mut self.compressed);
+            let total = self.compressed.len() as u32;
+            for (part, bytes) in self.compressed.chunks(PLANE_PART_BYTES).enumerate() {
+                self.conversation.settle(&mut sent, &mut arrived, WINDOW)?;
+                let offset = (part * PLANE_PART_BYTES) as u32;
+                let check = checks[usize::from(slice)];
+                let message = PlaneData { turn: number, slice, offset, total, check, bytes };
+                let sequence = self.conversation.send_next(&message.into())?;
+                sent.push_back(Sent { sequence, slice, last: offset + bytes.len() as u32 == total });
+            }
+        }
+        self.conversation.settle(&mut sent, &mut arrived, 1)?;
+        Ok(arrived)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,196 @@
+//! Questions and answers: packets out, packets in, who waits for what.
+
+use super::{Sent, Statistics, StreamError};
+use crate::link::Link;
+use protocol::message::{Ack, HelloReply, Message, Nack, Reason, Status};
+use protocol::packet::{Decoder, FRAME_BYTES_MAX, PACKET_BYTES_MAX, encode};
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// How often a packet is sent before the device counts as silent.
+const ATTEMPTS: u32 = 10;
+/// How long an answer may take. Half a megabyte at 12 Mbit/s takes 0.35 s.
+const ANSWER_WITHIN: Duration = Duration::from_millis(500);
+
+/// What the device said to a packet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Answer {
+    Hello { version: u16, schema: u64 },
+    Ack,
+    Nack(Reason),
+}
+
+/// One end of a link in conversation with a device.
+#[derive(Debug)]
+pub(super) struct Conversation<L> {
+    pub(super) link: L,
+    decoder: Box<Decoder<PACKET_BYTES_MAX>>,
+    frame: Vec<u8>,
+    incoming: Vec<u8>,
+    /// What came and nobody asked for yet, with the sequence number that it answers.
+    pub(super) answers: VecDeque<(u32, Answer)>,
+    sequence: u32,
+    pub(super) status: Option<Status>,
+    pub(super) statistics: Statistics,
+}
+
+impl<L: Link> Conversation<L> {
+    pub(super) fn new(link: L) -> Self {
+        // Not 0: answers to an earlier conversation over the same link must not look like answers to this one.
+        let sequence = link.now().as_micros() as u32;
+        Self {
+            link,
+            decoder: Box::default(),
+            frame: vec![0; FRAME_BYTES_MAX],
+            incoming: Vec::new(),
+            answers: VecDeque::new(),
+            sequence,
+            status: None,
+            statistics: Statistics::default(),
+        }
+    }
+
+    /// Ends whatever packet an earlier conversation left unfinished.
+    pub(super) fn greet(&mut self) -> Result<(), StreamError> {
+        self.transfer(&[0], "Hello")
+    }
+
+    /// Sends `message`, again where no answer comes, and returns the answer.
+    pub(super) fn request(&mut self, message: &Message<'_>) -> Result<Answer, StreamError> {
+        let sequence = self.sequence;
+        self.sequence = self.sequence.wrapping_add(1);
+        for attempt in 0..ATTEMPTS {
+            self.statistics.retries += u64::from(attempt > 0);
+            self.send(sequence, message)?;
+            let until = self.link.now() + ANSWER_WITHIN;
+            loop {
+                let left = until.saturating_sub(self.link.now());
+                self.listen(left)?;
+                let greeting = matches!(message, Message::Hello(_));
+                let fits = |(answers, answer): &(u32, Answer)| {
+                    *answers == sequence && matches!(answer, Answer::Hello { .. }) == greeting
+                };
+                let found = self.answers.iter().copied().find(fits);
+                self.answers.clear();
+                if let Some((_, answer)) = found {
+                    return Ok(answer);
+                }
+                if left.is_zero() {
+                    break;
+                }
+            }
+        }
+        Err(StreamError::NoAnswer { message: message.entry().name, attempts: ATTEMPTS })
+    }
+
+    /// [`request`](Self::request) that must be acknowledged.
+    pub(super) fn ask(&mut self, message: &Message<'_>) -> Result<(), StreamError> {
+        let answer = self.request(message)?;
+        self.accepted(message, answer)
+    }
+
+    pub(super) fn accepted(&mut self, message: &Message<'_>, answer: Answer) -> Result<(), StreamError> {
+        let Answer::Nack(reason) = answer else { return Ok(()) };
+        self.statistics.refused += 1;
+        Err(StreamError::Refused { message: message.entry().name, reason })
+    }
+
+    /// Sends `message` once, with the next sequence number, which is returned.
+    pub(super) fn send_next(&mut self, message: &Message<'_>) -> Result<u32, StreamError> {
+        let sequence = self.sequence;
+        self.sequence = self.sequence.wrapping_add(1);
+        self.send(sequence, message)?;
+        Ok(sequence)
+    }
+
+    /// Waits until fewer than `below` of `sent` are unanswered. The device answers in order: what comes before an answered
+    /// packet is answered or lost, and when none comes in time, all are lost.
+    pub(super) fn settle(
+        &mut self,
+        sent: &mut VecDeque<Sent>,
+        arrived: &mut [bool],
+        below: usize,
+    ) -> Result<(), StreamError> {
+        let mut until = self.link.now() + ANSWER_WITHIN;
+        self.listen(Duration::ZERO)?;
+        loop {
+            while let Some((sequence, answer)) = self.answers.pop_front() {
+                let Some(at) = sent.iter().position(|sent| sent.sequence == sequence) else { continue };
+                until = self.link.now() + ANSWER_WITHIN;
+                let answered = sent.drain(..=at).next_back();
+                match (answer, answered) {
+                    (Answer::Ack, Some(Sent { slice, last: true, .. })) => arrived[usize::from(slice)] = true,
+                    (Answer::Nack(reason), _) => self.refused_plane(reason)?,
+                    _ => {}
+                }
+            }
+            if sent.len() < below {
+                return Ok(());
+            }
+            let left = until.saturating_sub(self.link.now());
+            if left.is_zero() {
+                sent.clear();
+                return Ok(());
+            }
+            self.listen(left)?;
+        }
+    }
+
+    fn refused_plane(&mut self, reason: Reason) -> Result<(), StreamError> {
+        self.statistics.refused += 1;
+        match reason {
+            Reason::PartMissing | Reason::PlaneDamaged => Ok(()),
+            // Sent again it would be refused again.
+            reason => Err(StreamError::Refused { message: "PlaneData", reason }),
+        }
+    }
+
+    /// Reads what came, waiting up to `wait` for it.
+    pub(super) fn listen(&mut self, wait: Duration) -> Result<(), StreamError> {
+        self.incoming.clear();
+        self.link.receive(&mut self.incoming, wait)?;
+        let mut bytes = &self.incoming[..];
+        while let Some(packet) = self.decoder.next(&mut bytes) {
+            match packet.ok().and_then(|packet| packet.message().ok()) {
+                Some(Message::Ack(Ack { answers })) => self.answers.push_back((answers, Answer::Ack)),
+                Some(Message::Nack(Nack { answers, reason })) => {
+                    self.answers.push_back((answers, Answer::Nack(reason)))
+                }
+                Some(Message::HelloReply(HelloReply { answers, version, schema })) => {
+                    self.answers.push_back((answers, Answer::Hello { version, schema }))
+                }
+                Some(Message::Status(status)) => self.status = Some(status),
+                // Damaged, or not for a host: whoever waits for it asks again.
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn send(&mut self, sequence: u32, message: &Message<'_>) -> Result<(), StreamError> {
+        let length = encode(sequence, message, &mut self.frame)?;
+        self.statistics.packets += 1;
+        let frame = std::mem::take(&mut self.frame);
+        let sent = self.transfer(&frame[..length], message.entry().name);
+        self.frame = frame;
+        sent
+    }
+
+    /// Hands over all of `bytes`; reads while the link takes none, so that a device that waits to be read goes on.
+    fn transfer(&mut self, mut bytes: &[u8], message: &'static str) -> Result<(), StreamError> {
+        let mut until = self.link.now() + ANSWER_WITHIN;
+        while !bytes.is_empty() {
+            let sent = self.link.send(bytes)?;
+            self.statistics.bytes_on_wire += sent as u64;
+            bytes = &bytes[sent..];
+            if sent > 0 {
+                until = self.link.now() + ANSWER_WITHIN;
+            } else if self.link.now() >= until {
+                return Err(StreamError::NoAnswer { message, attempts: 1 });
+            } else {
+                self.listen(Duration::from_millis(1))?;
+            }
+        }
+        Ok(())
+    }
+}

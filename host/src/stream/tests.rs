@@ -1,0 +1,312 @@
+use super::*;
+use crate::link::faulty::{FaultRates, FaultyLink};
+use crate::link::sim::{Endpoint, SimLink};
+use hil_sim::device::{Device, Input, Report, TurnHandle};
+use proptest::prelude::*;
+use protocol::packet::{Decoder, FRAME_BYTES_MAX, PACKET_BYTES_MAX, encode};
+use protocol::timing::Direction;
+use protocol::units::Turns;
+
+const SLICES: u32 = 24;
+/// Twelve frames at 240 Hz.
+const TURN_SECONDS: f64 = 0.05;
+
+/// A turn that follows from its seed.
+struct Pictures {
+    slices: u32,
+    planes: Vec<u8>,
+    plane_bytes: usize,
+}
+
+impl Pictures {
+    fn new(seed: u32, slices: u32, size: ImageSize) -> Self {
+        let plane_bytes = size.plane_bytes();
+        let mut state = seed.wrapping_mul(2_654_435_761) | 1;
+        let mut planes = vec![0; plane_bytes * slices as usize];
+        // Dark, with patches of noise: runs and literals.
+        for (at, byte) in planes.iter_mut().enumerate() {
+            state ^= state << 13;
+            state ^= state >> 17;
+            state ^= state << 5;
+            *byte = if (at / 40 + seed as usize).is_multiple_of(3) { state as u8 } else { 0 };
+        }
+        Self { slices, planes, plane_bytes }
+    }
+}
+
+impl TurnPlanes for Pictures {
+    fn slices(&self) -> u32 {
+        self.slices
+    }
+
+    fn plane_bytes(&self, slice: u32) -> &[u8] {
+        &self.planes[slice as usize * self.plane_bytes..][..self.plane_bytes]
+    }
+}
+
+fn rotation(slices: u32) -> Rotation {
+    Rotation::new(slices, 24, 240_000_000, Turns(7), Direction::Clockwise).unwrap()
+}
+
+fn small() -> ImageSize {
+    ImageSize::new(52, 17).unwrap()
+}
+
+/// A device and the least of a world: the next turn comes on screen at the index, the one before it is released.
+#[derive(Debug)]
+struct Player {
+    device: Device,
+    size: ImageSize,
+    turning: bool,
+    since_index: f64,
+    showing: Option<TurnHandle>,
+    waiting: VecDeque<TurnHandle>,
+    /// Every turn that came on screen: its number and its planes.
+    shown: Vec<(u32, Vec<u8>)>,
+    commands: Vec<Command>,
+}
+
+impl Player {
+    fn new(turning: bool, size: ImageSize) -> Self {
+        let (device, waiting) = (Device::new(), VecDeque::new());
+        Self { device, size, turning, since_index: 0.0, showing: None, waiting, shown: vec![], commands: vec![] }
+    }
+
+    fn planes(&self, turn: TurnHandle) -> Vec<u8> {
+        let slices = (0..).map_while(|slice| self.device.store().plane(turn, slice));
+        slices.flat_map(|plane| plane.bytes().to_vec()).collect()
+    }
+
+    fn index(&mut self) {
+        let Some(next) = self.waiting.pop_front() else { return };
+        if let Some(last) = self.showing.replace(next) {
+            self.device.release(last);
+        }
+        self.shown.push((self.device.turn_number(next).unwrap(), self.planes(next)));
+        self.device.report(Report { state: State::Locked, on_screen: Some(next), ..Report::default() });
+    }
+}
+
+impl Endpoint for Player {
+    fn receive(&mut self, bytes: &[u8]) {
+        let before = self.showing.map(|turn| self.planes(turn));
+        self.device.receive(bytes);
+        if self.size.plane_bytes() < 1000 {
+            assert_eq!(self.showing.map(|turn| self.planes(turn)), before, "the turn on screen was written");
+        }
+        while let Some(input) = self.device.next_input() {
+            match input {
+                Input::TurnReady(turn) => self.waiting.push_back(turn),
+                Input::Command(command) => self.commands.push(command),
+                Input::Configured(_, size) => assert_eq!(size, self.size),
+            }
+        }
+    }
+
+    fn transmit(&mut self) -> Vec<u8> {
+        self.device.transmit()
+    }
+
+    fn advance(&mut self, seconds: f64) {
+        self.since_index += seconds;
+        if self.turning && self.since_index >= TURN_SECONDS {
+            self.since_index -= TURN_SECONDS;
+            self.index();
+        }
+    }
+}
+
+fn open<L: Link>(link: L) -> Stream<L> {
+    Stream::new(link, &rotation(SLICES), small()).unwrap()
+}
+
+#[test]
+fn turns_arrive_bit_exact_and_in_order() {
+    let mut stream = open(SimLink::new(Player::new(true, small())));
+    for seed in 1..=6 {
+        let ticket = stream.submit(&Pictures::new(seed, SLICES, small())).unwrap();
+        assert_eq!(ticket, Ticket { turn: seed });
+    }
+    // Two are on the device; at the index after the last the sixth is shown.
+    let status = stream.poll(Duration::from_millis(1)).unwrap().unwrap();
+    assert_eq!((status.turn_on_screen, status.turns_received), (Some(5), 5));
+    stream.poll(Duration::from_millis(100)).unwrap();
+    assert_eq!(stream.status().unwrap().turn_on_screen, Some(6));
+    let expected: Vec<_> = (1..=6).map(|seed| (seed, Pictures::new(seed, SLICES, small()).planes)).collect();
+    assert_eq!(stream.link().endpoint().shown, expected);
+    let statistics = stream.statistics();
+    assert_eq!((statistics.turns, statistics.retries, statistics.refused), (6, 0, 0));
+    assert_eq!(statistics.bytes_raw, 6 * 24 * 7 * 17);
+    // Four turns had to wait for an index each.
+    assert!(stream.link().now() >= Duration::from_millis(200), "{:?}", stream.link().now());
+}
+
+#[test]
+fn a_mirror_at_rest_holds_the_host_back() {
+    let mut stream = open(SimLink::new(Player::new(false, small())));
+    let turn = Pictures::new(1, SLICES, small());
+    stream.submit(&turn).unwrap();
+    stream.submit(&turn).unwrap();
+    let refused = stream.submit(&turn).unwrap_err();
+    assert!(
+        matches!(refused, StreamError::Busy { waited, state: None } if waited > Duration::from_secs(1)),
+        "{refused}"
+    );
+    stream.link_mut().endpoint_mut().turning = true;
+    stream.submit(&turn).unwrap();
+}
+
+#[test]
+fn planes_of_many_parts_arrive() {
+    let size = ImageSize::new(4096, 1024).unwrap();
+    let mut stream = Stream::new(SimLink::new(Player::new(true, size)), &rotation(SLICES), size).unwrap();
+    let turn = Pictures::new(3, SLICES, size);
+    stream.submit(&turn).unwrap();
+    stream.poll(Duration::from_millis(100)).unwrap();
+    assert!(stream.link().endpoint().shown == [(1, turn.planes)]);
+    assert!(stream.statistics().packets > 10 * u64::from(SLICES), "{:?}", stream.statistics());
+}
+
+#[test]
+fn a_turn_of_another_size_is_refused_before_it_is_sent() {
+    let mut stream = open(SimLink::new(Player::new(true, small())));
+    let packets = stream.statistics().packets;
+    let refused = stream.submit(&Pictures::new(1, 48, small())).unwrap_err();
+    assert_eq!(refused.to_string(), "a turn of 48 slices for a display of 24");
+    let refused = stream.submit(&Pictures::new(1, SLICES, ImageSize::new(8, 17).unwrap())).unwrap_err();
+    assert_eq!(refused.to_string(), "slice 0 has 17 bytes: 119 are needed");
+    assert_eq!(stream.statistics().packets, packets);
+}
+
+/// A device of another release.
+#[derive(Debug)]
+struct Foreign {
+    decoder: Decoder<PACKET_BYTES_MAX>,
+    outgoing: Vec<u8>,
+}
+
+impl Endpoint for Foreign {
+    fn receive(&mut self, mut bytes: &[u8]) {
+        while let Some(packet) = self.decoder.next(&mut bytes) {
+            let answers = packet.unwrap().sequence;
+            let reply = protocol::message::HelloReply { answers, version: 7, schema: 0xabc };
+            let mut frame = [0; FRAME_BYTES_MAX];
+            let length = encode(0, &reply.into(), &mut frame).unwrap();
+            self.outgoing.extend_from_slice(&frame[..length]);
+        }
+    }
+
+    fn transmit(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.outgoing)
+    }
+
+    fn advance(&mut self, _seconds: f64) {}
+}
+
+#[test]
+fn another_schema_is_refused_with_both_named() {
+    let link = SimLink::new(Foreign { decoder: Decoder::new(), outgoing: vec![] });
+    let refused = Stream::new(link, &rotation(SLICES), small()).unwrap_err().to_string();
+    assert!(refused.contains("version 7, schema 0x0000000000000abc"), "{refused}");
+    assert!(refused.contains(&format!("version {VERSION}, schema {SCHEMA:#018x}")), "{refused}");
+}
+
+#[test]
+fn a_silent_device_is_reported() {
+    let silent =
+        FaultyLink::new(SimLink::new(Player::new(true, small())), FaultRates { drop: 1.0, ..FaultRates::default() }, 1);
+    let refused = Stream::new(silent, &rotation(SLICES), small()).unwrap_err();
+    assert_eq!(refused.to_string(), "the device did not answer Hello, sent 10 times");
+}
+
+#[test]
+fn a_device_that_was_reset_refuses_until_it_is_greeted_again() {
+    let mut stream = open(SimLink::new(Player::new(true, small())));
+    stream.submit(&Pictures::new(1, SLICES, small())).unwrap();
+    stream.link_mut().endpoint_mut().device.reset();
+    let refused = stream.submit(&Pictures::new(2, SLICES, small())).unwrap_err();
+    assert!(matches!(refused, StreamError::Refused { reason: Reason::NotConnected, .. }), "{refused}");
+}
+
+/// Streams `turns` turns and as many orders through faults; returns how many turns failed and what was damaged.
+fn through_faults(rates: FaultRates, seed: u64, turns: u32) -> (u32, u32) {
+    let link = FaultyLink::new(SimLink::new(Player::new(true, small())), rates, seed);
+    let mut stream = match Stream::new(link, &rotation(SLICES), small()) {
+        Ok(stream) => stream,
+        Err(StreamError::NoAnswer { .. }) => return (turns, 1),
+        Err(error) => panic!("seed {seed}: {error}"),
+    };
+    let (mut sure, mut orders) = (Vec::new(), Vec::new());
+    for number in 1..=turns {
+        match stream.submit(&Pictures::new(number, SLICES, small())) {
+            Ok(ticket) => sure.push(ticket.turn),
+            Err(StreamError::NoAnswer { .. } | StreamError::PlanesLost { .. } | StreamError::Refused { .. }) => {}
+            Err(error) => panic!("seed {seed}, turn {number}: {error}"),
+        }
+        let order = if number % 2 == 0 { Command::Start } else { Command::Stop };
+        if stream.command(order).is_ok() {
+            orders.push(order);
+        }
+    }
+    stream.poll(Duration::from_millis(300)).unwrap();
+    stream.poll(Duration::from_millis(300)).unwrap();
+    let player = stream.link().inner().endpoint();
+    for (number, planes) in &player.shown {
+        assert!(*planes == Pictures::new(*number, SLICES, small()).planes, "seed {seed}: turn {number} is wrong");
+    }
+    let shown: Vec<u32> = player.shown.iter().map(|(number, _)| *number).collect();
+    assert!(shown.is_sorted_by(|a, b| a < b), "seed {seed}: {shown:?}");
+    assert!(sure.iter().all(|turn| shown.contains(turn)), "seed {seed}: {sure:?} acknowledged, {shown:?} shown");
+    if orders.len() == turns as usize {
+        assert_eq!(player.commands, orders, "seed {seed}: each order once, in order");
+    }
+    let counters = player.device.counters();
+    assert!(counters.turns_received as usize >= sure.len());
+    (turns - sure.len() as u32, counters.packets.damaged() + stream.statistics().retries as u32)
+}
+
+#[test]
+fn light_faults_are_repaired() {
+    let rates = FaultRates { flip: 3e-4, drop: 2e-4, repeat: 2e-4, repeat_transfer: 0.05 };
+    let mut damaged = 0;
+    for seed in 0..20 {
+        let (failed, damage) = through_faults(rates, seed, 5);
+        assert_eq!(failed, 0, "seed {seed}");
+        damaged += damage;
+    }
+    assert!(damaged > 100, "the faults did not happen: {damaged}");
+}
+
+#[test]
+fn without_faults_nothing_is_damaged() {
+    assert_eq!(through_faults(FaultRates::default(), 1, 5), (0, 0));
+}
+
+#[test]
+fn a_turn_of_the_reference_rig_takes_well_under_its_second() {
+    let size = ImageSize::new(768, 768).unwrap();
+    let mut stream = Stream::new(SimLink::new(Player::new(false, size)), &rotation(288), size).unwrap();
+    let mut turn = Pictures::new(5, 288, size);
+    // The first turn also pays for the device's memory; the second has nothing to compress.
+    for _ in 0..2 {
+        let start = std::time::Instant::now();
+        stream.submit(&turn).unwrap();
+        println!("{:?} for {:?}", start.elapsed(), stream.statistics());
+        assert!(start.elapsed() < Duration::from_secs(1));
+        let mut state = 1u64;
+        turn.planes.fill_with(|| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (state >> 56) as u8
+        });
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+    #[test]
+    fn no_fault_shows_a_wrong_turn(
+        flip in 0.0..2e-2, drop in 0.0..1e-2, repeat in 0.0..1e-2, repeat_transfer in 0.0..0.3, seed: u64,
+    ) {
+        through_faults(FaultRates { flip, drop, repeat, repeat_transfer }, seed, 4);
+    }
+}

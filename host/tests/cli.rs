@@ -1,0 +1,341 @@
+//! The command line as a user meets it: results, bad input, exit codes, nothing half-written.
+
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// A folder of its own for each test, with a rig small enough to be quick: 48 slices of 96 × 96 pixels at the reference's speed.
+struct Desk {
+    folder: tempfile::TempDir,
+}
+
+impl Desk {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let rig = include_str!("../rigs/reference.toml")
+            .replace("slices = 288 ", "slices = 48 ")
+            .replace("refresh_hz = 240.0", "refresh_hz = 40.0")
+            .replace("diffuser_hat_radius_deg = 1.25", "diffuser_hat_radius_deg = 7.5")
+            .replace("_px = 768", "_px = 96")
+            .replace("focal_px = 3072.0", "focal_px = 384.0")
+            .replace("[384.0, 384.0]", "[48.0, 48.0]");
+        fs::write(folder.path().join("small.toml"), rig).unwrap();
+        Self { folder }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn write(&self, name: &str, text: impl AsRef<[u8]>) {
+        fs::write(self.path(name), text).unwrap();
+    }
+
+    fn run(&self, arguments: &str) -> Output {
+        let arguments = arguments.split_whitespace();
+        Command::new(env!("CARGO_BIN_EXE_praxi")).args(arguments).current_dir(&self.folder).output().unwrap()
+    }
+
+    /// Runs, and gives what is printed as JSON.
+    fn json(&self, arguments: &str) -> Value {
+        let output = self.run(&format!("{arguments} --json"));
+        assert!(output.status.success(), "{arguments}: {}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice(&output.stdout).unwrap()
+    }
+
+    /// Runs, and expects exit code 2, one line with every one of `words`, and a folder that is as it was.
+    fn refuses(&self, arguments: &str, words: &[&str]) {
+        let before = self.listing();
+        let output = self.run(arguments);
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments}: {text}");
+        let errors: Vec<_> = text.lines().filter(|line| !line.starts_with("praxi: warning: ")).collect();
+        assert_eq!(errors.len(), 1, "{arguments}: {text}");
+        assert!(errors[0].starts_with("praxi: error: "), "{arguments}: {text}");
+        for word in words {
+            assert!(errors[0].contains(word), "{arguments}: «{word}» is not in: {text}");
+        }
+        assert_eq!(self.listing(), before, "{arguments} left something behind");
+    }
+
+    fn warnings(&self, arguments: &str) -> String {
+        let output = self.run(arguments);
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success(), "{arguments}: {text}");
+        text
+    }
+
+    fn listing(&self) -> Vec<PathBuf> {
+        fn walk(folder: &Path, into: &mut Vec<PathBuf>) {
+            for entry in fs::read_dir(folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.is_dir() {
+                    walk(&path, into);
+                }
+                into.push(path);
+            }
+        }
+        let mut paths = Vec::new();
+        walk(self.folder.path(), &mut paths);
+        paths.sort();
+        paths
+    }
+}
+
+const TRIANGLE: &str = "v 0 0 0\nv 0.03 0 0\nv 0 0.03 0\nf 1 2 3\n";
+
+#[test]
+fn a_turn_is_rendered_seen_and_compared() {
+    let desk = Desk::new();
+    let rendered = desk.json("render builtin --rig small.toml --out turn");
+    assert_eq!((&rendered["slices"], &rendered["pictures"]), (&48.into(), &2.into()));
+    let names: Vec<_> = fs::read_dir(desk.path("turn")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(names.len(), 3, "{names:?}");
+    let note: Value = serde_json::from_slice(&fs::read(desk.path("turn/rotation.json")).unwrap()).unwrap();
+    assert_eq!(note["method"]["model"], "cone");
+    assert_eq!(note["method"]["halftone"], "blue-noise");
+    assert_eq!(note["method"]["shading"], "lambert");
+    assert_eq!(note["rig"]["projector"]["width_px"], 96);
+
+    desk.json("see turn --from -0.2,0.35,0.85 --pixels 64 --out eye.png");
+    desk.json("truth builtin --from -0.2,0.35,0.85 --pixels 64 --out truth.png");
+    let likeness = desk.json("compare eye.png truth.png");
+    assert!(likeness["psnr_db"].as_f64().unwrap() > 18.0, "{likeness}");
+
+    desk.json("see turn --from 0,0.35,0.9 --pixels 64 --eyes 0.064 --linear --physical --out eye.png");
+    let different = desk.json("compare eye-left.png eye-right.png");
+    assert!(different["psnr_db"].as_f64().unwrap() < 40.0, "{different}");
+    assert_eq!(image::open(desk.path("eye-left.png")).unwrap().color(), image::ColorType::La16);
+}
+
+#[test]
+fn grey_slices_are_pictures_of_luminance() {
+    let desk = Desk::new();
+    desk.json("render builtin --rig small.toml --halftone grey --model planar --fit-m 0.1 --out turn");
+    let slice = image::open(desk.path("turn/slice_000.png")).unwrap();
+    assert_eq!((slice.width(), slice.color()), (96, image::ColorType::L8));
+    assert_eq!(fs::read_dir(desk.path("turn")).unwrap().count(), 49);
+    desk.json("see turn --from 0,0.35,0.9 --pixels 32 --out eye.png");
+}
+
+#[test]
+fn a_projection_has_its_keys_and_takes_negative_numbers() {
+    let desk = Desk::new();
+    let columns = "-0.0030600028593 0.0412899553487 0.0258156692042";
+    for arguments in [format!("--json -- {columns}"), format!("{columns} --json")] {
+        let output = desk.run(&format!("project --rig reference --model planar --slice 39 {arguments}"));
+        let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert!((answer["u_px"].as_f64().unwrap() - 204.495_190_523).abs() < 1e-6);
+        assert!((answer["v_px"].as_f64().unwrap() - 372.193_533_269).abs() < 1e-6);
+        assert!((answer["viewer_m"][0].as_f64().unwrap() - 0.647_645_621_475).abs() < 1e-9);
+        assert!((answer["depth_m"].as_f64().unwrap() - 0.937).abs() < 0.01);
+        assert_eq!(answer["visible"], true);
+    }
+    let hidden = desk.json("project --rig tent --slice 0 --face 1 0 0.5 0");
+    assert_eq!(hidden["visible"], false);
+    assert!(hidden["reason"].as_str().unwrap().len() > 5);
+}
+
+#[test]
+fn a_rig_is_described_and_warned_about() {
+    let desk = Desk::new();
+    let facts = desk.json("rig check reference");
+    assert_eq!(facts["turns_per_second"], 20.0);
+    assert!((facts["display_radius_mm"].as_f64().unwrap() - 65.0).abs() < 5.0, "{facts}");
+    assert!((18..=21).contains(&facts["slices_reaching_an_eye"].as_u64().unwrap()), "{facts}");
+    assert_eq!(facts["warnings"].as_array().unwrap().len(), 0);
+    desk.write("steep.toml", include_str!("../rigs/reference.toml").replace("height_m = 0.35", "height_m = 0.95"));
+    assert!(desk.warnings("rig check steep.toml").contains("ghosts"));
+}
+
+#[test]
+fn a_demo_is_the_whole_way() {
+    let desk = Desk::new();
+    let report = desk.json("demo --rig small.toml --out show");
+    let names: Vec<_> = fs::read_dir(desk.path("show")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(names.len(), 5, "{names:?}");
+    let written: Value = serde_json::from_slice(&fs::read(desk.path("show/report.json")).unwrap()).unwrap();
+    assert_eq!(written, report);
+    assert_eq!(report["eyes"].as_array().unwrap().len(), 3);
+    assert!(report["eyes"].as_array().unwrap().iter().all(|eye| eye["psnr_db"].as_f64().unwrap() > 17.0), "{report}");
+    assert_eq!(report["lock"]["planes_misplaced"], 0);
+    assert!(report["lock"]["planes_shown"].as_u64().unwrap() > 48 * 20);
+    assert!(report["lock"]["time_to_lock_ratio"].as_f64().unwrap() < 1.5);
+    assert_eq!(report["stream"]["turns"], 3);
+    assert_eq!(report["stream"]["bytes_raw"], 3 * 48 * 96 * 12);
+    // The same seed gives the same show; and a second demo replaces the first.
+    assert_eq!(desk.json("demo --rig small.toml --out show"), report);
+
+    desk.write("some.obj", TRIANGLE.replace("0.03", "3000"));
+    let output = desk.run("demo some.obj --rig small.toml --out show --seed 2");
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("PSNR") && text.contains("time to lock") && text.contains("0 misplaced"), "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    desk.refuses("demo none.obj --rig small.toml", &["none.obj"]);
+}
+
+#[test]
+fn a_simulation_is_repeatable_and_takes_files() {
+    let desk = Desk::new();
+    let run = desk.json("sim --seconds 4 --seed 7");
+    for key in ["rms_slices", "p99_slices", "peak_slices", "rms_us", "p99_us", "peak_us", "time_to_lock_s"] {
+        assert!(run[key].as_f64().unwrap() > 0.0, "{key}: {run}");
+    }
+    assert_eq!(run["planes_misplaced"], 0);
+    assert!(run["planes_shown"].as_u64().unwrap() > 5760 && run["planes_dark"].as_u64().unwrap() > 0);
+    assert_eq!(desk.json("sim --seconds 4 --seed 7"), run);
+    assert_ne!(desk.json("sim --seconds 4 --seed 8"), run);
+
+    let motor = include_str!("../../hil-sim/motors/reference.toml");
+    desk.write("light.toml", motor.replace("inertia_kg_m2 = 0.0045", "inertia_kg_m2 = 0.00225"));
+    let light = desk.json("sim --seconds 4 --seed 7 --motor light.toml");
+    assert!(light["time_to_lock_s"].as_f64() < run["time_to_lock_s"].as_f64());
+    for (name, from, to, words) in [
+        ("unit.toml", "inertia_kg_m2", "inertia_g_cm2", ["unit.toml", "inertia_g_cm2"]),
+        ("negative.toml", "= 0.0045", "= -0.0045", ["negative.toml", "inertia_kg_m2"]),
+        ("nan.toml", "= 0.45", "= nan", ["nan.toml", "max_torque_nm"]),
+    ] {
+        desk.write(name, motor.replace(from, to));
+        desk.refuses(&format!("sim --motor {name}"), &words);
+        desk.refuses(&format!("sim --scenario {name}"), &[name, "line"]);
+    }
+    desk.refuses("sim --motor none.toml", &["none.toml", "No such file"]);
+    desk.refuses("sim --scenario none.toml", &["none.toml", "No such file"]);
+    desk.refuses("sim --seconds 0", &["--seconds"]);
+}
+
+#[test]
+fn bad_scenes_are_refused() {
+    let desk = Desk::new();
+    desk.write("empty.obj", "v 0 0 0\n");
+    desk.write("nan.obj", TRIANGLE.replace("0.03", "nan"));
+    desk.write("index.obj", TRIANGLE.replace("f 1 2 3", "f 1 2 9"));
+    desk.write("flat.obj", "v 0 0 0\nv 0.03 0 0\nv 0.06 0 0\nf 1 2 3\n");
+    desk.write("noise.glb", [7u8; 300]);
+    desk.write("noise.ply", "ply\nformat ascii 1.0\nelement vertex 4000000000\n");
+    desk.write("scene.txt", "x");
+    for (scene, words) in [
+        ("none.obj", vec!["none.obj", "No such file"]),
+        ("empty.obj", vec!["empty.obj", "triangle"]),
+        ("nan.obj", vec!["nan.obj", "line 2", "finite"]),
+        ("index.obj", vec!["index.obj", "line 4", "9"]),
+        ("flat.obj", vec!["flat.obj", "triangle"]),
+        ("noise.glb", vec!["noise.glb"]),
+        ("noise.ply", vec!["noise.ply"]),
+        ("scene.txt", vec!["scene.txt", ".glb", ".obj", ".ply"]),
+        (".", vec!["."]),
+    ] {
+        desk.refuses(&format!("render {scene} --rig small.toml --out turn"), &words);
+        desk.refuses(&format!("truth {scene} --from 0,0.35,0.9 --out truth.png"), &words);
+    }
+}
+
+#[test]
+fn odd_scenes_are_drawn_with_a_warning() {
+    let desk = Desk::new();
+    desk.write("some.obj", format!("{TRIANGLE}v 0 0 0\nf 1 1 2\nf 1 4 2\n"));
+    assert!(desk.warnings("render some.obj --rig small.toml --out turn").contains("degenerate"));
+    desk.write("large.obj", TRIANGLE.replace("0.03", "3"));
+    let text = desk.warnings("render large.obj --rig small.toml --out turn");
+    let fit = text.split("--fit-m ").nth(1).and_then(|rest| rest.split(' ').next()).expect(&text);
+    assert!(desk.warnings(&format!("render large.obj --rig small.toml --fit-m {fit} --out turn")).is_empty());
+    let larger = fit.parse::<f64>().unwrap() + 0.005;
+    assert!(!desk.warnings(&format!("render large.obj --rig small.toml --fit-m {larger} --out turn")).is_empty());
+}
+
+#[test]
+fn bad_rigs_are_refused() {
+    let desk = Desk::new();
+    let reference = include_str!("../rigs/reference.toml");
+    for (name, from, to, words) in [
+        ("focal.toml", "focal_px = 3072.0", "focal_px = 0.0", ["focal.toml", "projector.focal_px"]),
+        ("below.toml", "[0.0, 0.6, 0.0]", "[0.0, -0.6, 0.0]", ["below.toml", "projector.position_m"]),
+        ("slices.toml", "slices = 288", "slices = 287", ["planes_per_frame", "287"]),
+        ("unit.toml", "distance_m", "distance_mm", ["unit.toml", "distance_mm"]),
+        ("type.toml", "tilt_deg = 45.0", "tilt_deg = \"steep\"", ["type.toml", "tilt_deg"]),
+        ("syntax.toml", "[viewing]", "[viewing", ["syntax.toml", "line"]),
+    ] {
+        desk.write(name, reference.replace(from, to));
+        desk.refuses(&format!("rig check {name}"), &words);
+        desk.refuses(&format!("render builtin --rig {name} --out turn"), &words);
+        desk.refuses(&format!("project --rig {name} --slice 0 0 0 0"), &words);
+    }
+    desk.refuses("rig check nowhere", &["nowhere", "reference", "tent"]);
+    desk.refuses("project --rig reference --slice 288 0 0 0", &["288", "0 to 287"]);
+    desk.refuses("project --rig reference --slice 0 --face 1 0 0 0", &["--face 1", "0 to 0"]);
+    desk.refuses("project --rig reference --slice 0 nan 0 0", &["finite"]);
+}
+
+#[test]
+fn bad_arguments_are_refused_on_one_line() {
+    let desk = Desk::new();
+    desk.refuses("render builtin --rig reference", &["--out"]);
+    desk.refuses("render builtin --rig reference --out a --fit-m 0", &["--fit-m", "0.000001"]);
+    desk.refuses("render builtin --rig reference --out a --halftone dots", &["dots", "blue-noise"]);
+    desk.refuses("see turn --from 1,2 --out a.png", &["--from", "0.01,0.35,0.9"]);
+    desk.refuses("see turn --from 0,0,0 --out a.png", &["--from", "--look-at"]);
+    desk.refuses("see turn --from 0,1,1 --rays 0 --out a.png", &["--rays"]);
+    desk.refuses("paint", &["paint"]);
+}
+
+#[test]
+fn places_that_cannot_be_written_are_refused_before_the_work() {
+    let desk = Desk::new();
+    desk.write("file", "precious");
+    fs::create_dir(desk.path("full")).unwrap();
+    desk.write("full/precious.txt", "x");
+    desk.refuses("render builtin --rig small.toml --out file", &["file"]);
+    desk.refuses("render builtin --rig small.toml --out file/turn", &["file/turn"]);
+    desk.refuses("render builtin --rig small.toml --out full", &["full", "not empty"]);
+    desk.refuses("render builtin --rig small.toml --out /proc/praxi/turn", &["/proc/praxi/turn"]);
+    desk.refuses("truth builtin --from 0,1,1 --out none/truth.png", &["none/truth.png"]);
+    desk.refuses("truth builtin --from 0,1,1 --out full", &["full"]);
+}
+
+#[test]
+fn a_damaged_turn_is_refused() {
+    let desk = Desk::new();
+    desk.json("render builtin --rig small.toml --out turn");
+    let see = "see turn --from 0,0.35,0.9 --pixels 16 --out eye.png";
+    let frame = fs::read(desk.path("turn/frame_01.png")).unwrap();
+    let note = fs::read_to_string(desk.path("turn/rotation.json")).unwrap();
+    for length in [0, 8, frame.len() / 2, frame.len() - 20] {
+        desk.write("turn/frame_01.png", &frame[..length]);
+        desk.refuses(see, &["turn/frame_01.png"]);
+    }
+    fs::remove_file(desk.path("turn/frame_01.png")).unwrap();
+    desk.refuses(see, &["turn/frame_01.png", "No such file"]);
+    image::RgbImage::new(95, 96).save(desk.path("turn/frame_01.png")).unwrap();
+    desk.refuses(see, &["turn/frame_01.png", "96 × 96"]);
+    desk.write("turn/frame_01.png", &frame);
+    for broken in [&note[..note.len() / 2], "{}", &note.replace("\"slices\": 48", "\"slices\": 72")] {
+        desk.write("turn/rotation.json", broken);
+        desk.refuses(see, &["turn/rotation.json"]);
+    }
+    desk.write("turn/rotation.json", note.replace("\"tilt_deg\": 45.0", "\"tilt_deg\": 145.0"));
+    desk.refuses(see, &["turn/rotation.json", "tilt_deg"]);
+    fs::remove_file(desk.path("turn/rotation.json")).unwrap();
+    desk.refuses(see, &["turn/rotation.json"]);
+}
+
+#[test]
+fn pictures_that_cannot_be_compared_are_refused() {
+    let desk = Desk::new();
+    image::RgbImage::new(4, 4).save(desk.path("a.png")).unwrap();
+    image::RgbImage::new(4, 5).save(desk.path("b.png")).unwrap();
+    desk.write("c.png", "x");
+    desk.refuses("compare a.png b.png", &["4 × 4", "4 × 5"]);
+    desk.refuses("compare a.png c.png", &["c.png"]);
+    desk.refuses("compare a.png d.png", &["d.png"]);
+}
+
+#[test]
+fn every_command_has_help_with_an_example() {
+    let desk = Desk::new();
+    for command in ["demo", "sim", "render", "see", "truth", "compare", "project", "rig", "rig check"] {
+        let output = desk.run(&format!("{command} --help"));
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(output.status.success() && text.contains("Example: praxi "), "{command}: {text}");
+    }
+}

@@ -1,0 +1,164 @@
+use super::*;
+use proptest::prelude::*;
+
+fn compressed(plane: &[u8], size: ImageSize) -> Vec<u8> {
+    let mut out = Vec::new();
+    compress(plane, size.row_bytes(), &mut out);
+    out
+}
+
+fn expand<'a>(pieces: impl IntoIterator<Item = &'a [u8]>, size: ImageSize, check: u64) -> Result<Vec<u8>, ExpandError> {
+    // What lay there before must not matter.
+    let mut plane = vec![0xa5; size.plane_bytes()];
+    let mut expander = Expander::new(size);
+    pieces.into_iter().try_for_each(|piece| expander.push(piece, &mut plane))?;
+    expander.finish(&plane, check)?;
+    Ok(plane)
+}
+
+fn disc(size: ImageSize, keep: impl Fn(u32, u32) -> bool) -> Vec<u8> {
+    let mut plane = vec![0; size.plane_bytes()];
+    for (x, y) in (0..size.height()).flat_map(|y| (0..size.width()).map(move |x| (x, y))) {
+        let (dx, dy) = (2 * x as i32 - size.width() as i32, 2 * y as i32 - size.height() as i32);
+        if dx * dx + dy * dy < (size.width() * size.height()) as i32 / 2 && keep(x, y) {
+            plane[y as usize * size.row_bytes() + x as usize / 8] |= 1 << (x % 8);
+        }
+    }
+    plane
+}
+
+/// Small planes that use every kind of run, short and long.
+fn corpus() -> Vec<(ImageSize, Vec<u8>)> {
+    let size = |width, height| ImageSize::new(width, height).unwrap();
+    let noise = |x: u32, y: u32| x.wrapping_mul(2_654_435_761).wrapping_add(y * 40_503 + x * y * 97) >> 5 & 3 == 0;
+    vec![
+        (size(1, 1), vec![1]),
+        (size(13, 5), disc(size(13, 5), |_, _| true)),
+        (size(64, 40), vec![0; 320]),
+        (size(64, 40), vec![0x5a; 320]),
+        (size(96, 48), disc(size(96, 48), |_, _| true)),
+        (size(96, 48), disc(size(96, 48), noise)),
+        (size(64, 24), (0..192).map(|byte: u32| (byte * 151 % 251) as u8).collect()),
+    ]
+}
+
+#[test]
+fn the_bytes_of_the_runs() {
+    let size = ImageSize::new(8 * 100, 3).unwrap();
+    let mut plane = vec![0; 300];
+    plane[2..5].copy_from_slice(&[7, 8, 9]);
+    plane[10..16].fill(0xaa);
+    let above = plane[..100].to_vec();
+    plane[100..200].copy_from_slice(&above);
+    // 0 0 7 8 9 | 5 zeros | 6 x aa | 86 zeros = 62 + 24 | 100 above = 62 + 38 | 98 zeros = 62 + 36
+    let expected = [0x04, 0, 0, 7, 8, 9, 0x44, 0x85, 0xaa, 0x7d, 24, 0xfd, 38, 0x7d, 36];
+    assert_eq!(compressed(&plane, size), expected);
+    assert_eq!(expand([&expected[..]], size, plane_check(&plane)), Ok(plane));
+    assert_eq!(plane_check(b"123456789"), 0x995d_c9bb_df19_39fa, "CRC-64/XZ as everybody knows it");
+}
+
+#[test]
+fn a_run_that_does_not_belong_is_refused() {
+    let size = ImageSize::new(16, 4).unwrap();
+    let refused = |stream: &[u8]| expand([stream], size, 0).unwrap_err();
+    assert_eq!(refused(&[0x48]), ExpandError::TooLong { at: 0, length: 9 });
+    assert_eq!(refused(&[0x47, 0x40]), ExpandError::TooLong { at: 8, length: 1 });
+    assert_eq!(refused(&[0x7f, 255, 255, 255]), ExpandError::TooLong { at: 0, length: 62 + 0xff_ffff });
+    assert_eq!(refused(&[0x40, 0xc0]), ExpandError::NothingAbove { at: 1 });
+    assert_eq!(refused(&[0x46]), ExpandError::Truncated { at: 7, needed: 8 });
+    assert_eq!(refused(&[0x07, 1, 2]), ExpandError::Truncated { at: 2, needed: 8 });
+    assert_eq!(refused(&[0x47, 0x7d]), ExpandError::Truncated { at: 8, needed: 8 });
+    assert!(matches!(refused(&[0x47]), ExpandError::Check { expected: 0, .. }));
+    let memory = Expander::new(size).push(&[0x47], &mut [0; 9]);
+    assert_eq!(memory, Err(ExpandError::Memory { given: 9, needed: 8 }));
+}
+
+#[test]
+fn no_truncation_and_no_bit_flip_gives_a_wrong_plane() {
+    for (size, plane) in corpus() {
+        let (stream, check) = (compressed(&plane, size), plane_check(&plane));
+        assert_eq!(expand([&stream[..]], size, check).as_ref(), Ok(&plane));
+        for length in 0..stream.len() {
+            expand([&stream[..length]], size, check).expect_err("truncated");
+        }
+        for bit in 0..stream.len() * 8 {
+            let mut flipped = stream.clone();
+            flipped[bit / 8] ^= 1 << (bit % 8);
+            // Another run may mean the same picture: zeros for a copy of a dark row.
+            let found = expand([&flipped[..]], size, check);
+            assert!(found.is_err() || found.as_ref() == Ok(&plane), "bit {bit}");
+        }
+        for bit in 0..64 {
+            let wrong = check ^ 1 << bit;
+            assert_eq!(expand([&stream[..]], size, wrong), Err(ExpandError::Check { expected: wrong, found: check }));
+        }
+        let long = [&stream[..], &[0x40]].concat();
+        assert!(matches!(expand([&long[..]], size, check), Err(ExpandError::TooLong { .. })));
+    }
+}
+
+#[test]
+fn a_plane_without_runs_hardly_grows() {
+    let size = ImageSize::new(768, 768).unwrap();
+    let mut state = 1u64;
+    let noise: Vec<u8> = (0..size.plane_bytes())
+        .map(|_| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (state >> 56) as u8
+        })
+        .collect();
+    assert!(compressed(&noise, size).len() <= size.plane_bytes() + 64);
+    let sparse: Vec<u8> = noise.iter().enumerate().map(|(at, byte)| if at % 70 < 66 { *byte } else { 0 }).collect();
+    assert!(compressed(&sparse, size).len() <= size.plane_bytes() + size.plane_bytes() / 64 + 4);
+    assert_eq!(compressed(&vec![0; size.plane_bytes()], size).len(), 4);
+}
+
+#[test]
+fn the_check_of_a_turn_reads_number_order_and_count() {
+    let check = turn_check(1, [3, 4, 5]);
+    for other in [turn_check(2, [3, 4, 5]), turn_check(1, [4, 3, 5]), turn_check(1, [3, 4])] {
+        assert_ne!(check, other);
+    }
+    assert_eq!(check, turn_check(1, vec![3, 4, 5]));
+}
+
+proptest! {
+    #[test]
+    fn any_plane_comes_back_from_any_pieces(
+        width in 1u32..200, height in 1u32..30, kinds in prop::collection::vec((0usize..4, 1usize..300, any::<u8>()), 1..30),
+        pieces in prop::collection::vec(1usize..50, 1..10),
+    ) {
+        let size = ImageSize::new(width, height).unwrap();
+        let row = size.row_bytes();
+        let mut plane = vec![0u8; size.plane_bytes()];
+        let mut at = 0;
+        for (kind, length, seed) in kinds.into_iter().cycle().take(4000) {
+            for index in at..(at + length).min(plane.len()) {
+                plane[index] = match kind {
+                    0 => seed,
+                    1 => 0,
+                    2 if index >= row => plane[index - row],
+                    _ => (index * index * 31 + usize::from(seed)) as u8,
+                };
+            }
+            at += length;
+        }
+        let stream = compressed(&plane, size);
+        prop_assert!(stream.len() <= plane.len() + plane.len() / 64 + 4);
+        let (mut rest, mut pieces, mut cut) = (&stream[..], pieces.into_iter().cycle(), Vec::new());
+        while !rest.is_empty() {
+            let (piece, after) = rest.split_at(pieces.next().unwrap().min(rest.len()));
+            cut.push(piece);
+            rest = after;
+        }
+        prop_assert_eq!(expand(cut, size, plane_check(&plane)).unwrap(), plane);
+    }
+
+    #[test]
+    fn any_bytes_are_expanded_or_refused(stream in prop::collection::vec(any::<u8>(), 0..200), check: u64) {
+        let size = ImageSize::new(100, 20).unwrap();
+        if let Ok(plane) = expand([&stream[..]], size, check) {
+            prop_assert_eq!(plane_check(&plane), check);
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! The words that payloads are made of.
+
+#[cfg(doc)]
+use super::{Configure, Hello};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// Defines enums and lists their words, so that [`SCHEMA`] changes with them too.
+macro_rules! vocabulary {
+    ($(
+        $(#[$meta:meta])*
+        pub enum $name:ident {
+            $( $(#[$word_meta:meta])* $word:ident
+               $({ $( $(#[$field_meta:meta])* $field:ident: $kind:ty ),* $(,)? })? ),* $(,)?
+        }
+    )+) => {
+        $( $(#[$meta])* pub enum $name {
+            $( $(#[$word_meta])* $word $({ $( $(#[$field_meta])* $field: $kind ),* })? ),*
+        } )+
+        pub(super) const VOCABULARY: &[&str] =
+            &[$( stringify!($name { $( $word $({ $($field: $kind),* })? ),* }) ),+];
+    };
+}
+
+vocabulary! {
+    /// What the controller is doing. The projector is dark in all states but `Locked`, `Holdover` and `Service`.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+    #[repr(u8)]
+    pub enum State {
+        /// No torque, dark; waits for [`Command::Start`].
+        #[default]
+        Idle,
+        /// The mirror is brought to the speed that the projector's clock asks for.
+        SpinUp,
+        /// At speed; the phase is pulled in.
+        Acquire,
+        /// The mirror is in step: planes are lit.
+        Locked,
+        /// Pulses are missing; planes are lit on the last good model, for a limited time.
+        Holdover,
+        /// Stopped for a reason that a person must look at; left only by [`Command::ClearFault`].
+        Fault,
+        /// Mirror parked without torque, a pattern lit for a limited time on command.
+        Service,
+    }
+
+    /// Why the controller stopped.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+    #[repr(u8)]
+    pub enum Fault {
+        /// The emergency stop input is active.
+        EmergencyStop,
+        /// The guard is open.
+        GuardOpen,
+        /// The mirror turns faster than the rig allows.
+        Overspeed,
+        /// Torque is applied and the mirror does not turn.
+        Stall,
+        /// Neither index nor encoder pulses arrive.
+        SensorLost,
+        /// No frame pulses for longer than holdover bridges.
+        ProjectorLost,
+        /// The lock was not reached, or not regained, in time.
+        LockTimeout,
+        /// The control step was not called in time.
+        Watchdog,
+    }
+
+    /// What the host asks of the controller.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum Command {
+        /// Spin up and lock.
+        Start,
+        /// Go dark, let the mirror run out.
+        Stop,
+        /// Show slice `slice` of the current turn on the parked mirror for `duration_ms`, at most 60 000.
+        Service {
+            /// The slice to show.
+            slice: u16,
+            /// For how long.
+            duration_ms: u32,
+        },
+        /// Leave [`State::Fault`], if its cause is gone.
+        ClearFault,
+    }
+
+    /// Why the device refused a packet.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Error)]
+    pub enum Reason {
+        /// No [`Hello`] with the device's schema came before.
+        #[error("the device waits for a hello of its own schema")]
+        NotConnected,
+        /// No [`Configure`] came before.
+        #[error("the device has no configuration")]
+        NotConfigured,
+        /// The device does not take this message, or not in this form.
+        #[error("the device does not understand the message")]
+        NotUnderstood,
+        /// The configuration is impossible or too large for the device.
+        #[error("the device cannot hold turns of this configuration")]
+        Configuration,
+        /// Every slot holds a turn that is shown or waits to be shown.
+        #[error("every slot of the device holds a turn that is shown or waits to be shown")]
+        Busy,
+        /// The turn is not the one that was begun.
+        #[error("the turn is not the one that was begun")]
+        WrongTurn,
+        /// The slice is not one of the configuration's.
+        #[error("the slice is not one of the turn's")]
+        SliceOutOfRange,
+        /// The part does not follow the last one of its plane.
+        #[error("a part of the plane is missing before this one")]
+        PartMissing,
+        /// The plane did not expand to what its check says.
+        #[error("the plane is damaged")]
+        PlaneDamaged,
+        /// The turn is ended while planes are missing.
+        #[error("planes of the turn are missing")]
+        SliceMissing,
+        /// The planes are not those of the turn's check.
+        #[error("the turn as a whole is not what its check says")]
+        TurnDamaged,
+    }
+}
+
+impl State {
+    /// Whether a plane may be lit.
+    pub const fn may_light(self) -> bool {
+        matches!(self, Self::Locked | Self::Holdover | Self::Service)
+    }
+}

@@ -1,0 +1,104 @@
+use super::*;
+use proptest::prelude::*;
+
+const REFERENCE: &str = include_str!("../../../host/rigs/reference.toml");
+const HIGH: &str = include_str!("../../../host/rigs/high-viewer.toml");
+const TENT: &str = include_str!("../../../host/rigs/tent.toml");
+
+fn optics(text: &str, slice: u32, model: Model) -> SliceOptics {
+    let rig = Rig::parse(text).unwrap();
+    SliceOptics::new(&rig, 0, rig.slice_angle(slice), model)
+}
+
+#[test]
+fn a_point_on_the_axis_stays_put_from_every_side() {
+    // With the projector on the axis the whole of it is the plane of symmetry of every slice: V' is straight ahead.
+    for model in [Model::Planar, Model::Cone] {
+        for slice in 0..288 {
+            let projected = optics(REFERENCE, slice, model).project(DVec3::ZERO);
+            assert_eq!(projected.visibility, Visibility::Visible);
+            assert!((projected.pixel.unwrap() - DVec2::splat(384.0)).length() < 1e-9);
+            let ahead = Rig::parse(REFERENCE).unwrap().slice_angle(slice);
+            let expected = DVec3::new(0.9 * ahead.sin(), 0.35, 0.9 * ahead.cos());
+            assert!((projected.viewer.unwrap().vector() - expected).length() < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn far_away_is_the_limit_of_a_distance() {
+    let rig = |viewing: &str| REFERENCE.replace("distance_m = 0.9", "").replace("height_m = 0.35", viewing);
+    let infinite = rig("elevation_deg = 20.0");
+    let (distance, height) = (1e8, 1e8 * 20f64.to_radians().tan());
+    let far = rig(&format!("distance_m = {distance:?}\nheight_m = {height:?}"));
+    let point = DVec3::new(0.02, -0.03, 0.04);
+    for model in [Model::Planar, Model::Cone] {
+        let near = optics(&far, 7, model).project(point).pixel.unwrap();
+        let limit = optics(&infinite, 7, model).project(point).pixel.unwrap();
+        assert!((near - limit).length() < 1e-4, "{near} {limit}");
+    }
+}
+
+#[test]
+fn what_cannot_be_seen_says_why() {
+    let optics = optics(REFERENCE, 0, Model::Cone);
+    let why = |x, y, z| optics.project(DVec3::new(x, y, z)).visibility;
+    assert_eq!(why(5.0, 0.0, 0.0), Visibility::NoViewer);
+    assert_eq!(why(0.0, 0.3, 0.0), Visibility::OffPanel);
+    assert_eq!(why(f64::NAN, 0.0, 0.0), Visibility::NoViewer);
+}
+
+#[test]
+fn the_planar_fan_is_off_by_what_the_prototype_measured() {
+    // rig.md's table: largest over random points of a 60 mm ball, 1.3 px at h = 0.35 m and 3.9 px at 0.75 m.
+    for (text, expected) in [(REFERENCE, 1.3), (HIGH, 3.9)] {
+        let mut worst: f64 = 0.0;
+        for index in 0..1500u32 {
+            let point = ball_point(index) * 0.06;
+            let slice = index * 97 % 288;
+            let [planar, cone] = [Model::Planar, Model::Cone].map(|model| optics(text, slice, model).project(point));
+            if planar.visibility == Visibility::Visible && cone.visibility == Visibility::Visible {
+                worst = worst.max((planar.pixel.unwrap() - cone.pixel.unwrap()).length());
+            }
+        }
+        assert!((worst - expected).abs() < 0.25, "{worst} px, expected about {expected}");
+    }
+}
+
+/// A fixed scatter of points in the unit ball.
+fn ball_point(index: u32) -> DVec3 {
+    let fraction = |step: f64| (f64::from(index) * step).fract();
+    let (azimuth, height, radius) =
+        (fraction(0.618_034) * TAU, fraction(0.754_878) * 2.0 - 1.0, fraction(0.569_840).cbrt());
+    let level = (1.0 - height * height).sqrt();
+    radius * DVec3::new(level * azimuth.sin(), height, level * azimuth.cos())
+}
+
+proptest! {
+    #[test]
+    fn a_pixel_sees_the_points_that_project_to_it(
+        x in -0.05f64..0.05, y in -0.05f64..0.05, z in -0.05f64..0.05, slice in 0u32..288, rig in 0usize..3, cone: bool,
+    ) {
+        let point = DVec3::new(x, y, z);
+        let model = if cone { Model::Cone } else { Model::Planar };
+        let optics = optics([REFERENCE, HIGH, TENT][rig], slice, model);
+        let projected = optics.project(point);
+        prop_assume!(projected.visibility == Visibility::Visible);
+        let sight = optics.sight(projected.pixel.unwrap()).unwrap();
+        prop_assert!((sight.viewer.vector() - projected.viewer.unwrap().vector()).length() < 1e-7);
+        let line = (sight.mirror - sight.viewer.vector()).normalize();
+        prop_assert!((point - sight.mirror).reject_from_normalized(line).length() < 1e-8);
+    }
+
+    #[test]
+    fn any_point_has_an_answer(
+        x: f64, y: f64, z: f64, slice in 0u32..288, cone: bool,
+    ) {
+        let model = if cone { Model::Cone } else { Model::Planar };
+        let projected = optics(REFERENCE, slice, model).project(DVec3::new(x, y, z));
+        if projected.visibility == Visibility::Visible {
+            let pixel = projected.pixel.unwrap();
+            prop_assert!(pixel.is_finite() && pixel.min_element() >= 0.0 && pixel.max_element() < 768.0);
+        }
+    }
+}
