@@ -7,25 +7,28 @@ use hil_sim::device::TurnHandle;
 use hil_sim::motor::Motor;
 use hil_sim::scenario::Scenario;
 use hil_sim::statistics::LockStatistics;
-use hil_sim::world::World;
+use hil_sim::world::{World, repeat_command};
 use protocol::units::Nanos;
 use serde_json::{Value, json};
 use std::fmt::Display;
-use std::path::{Path, PathBuf};
+
+const REFERENCE_MOTOR: &str = "reference";
 
 /// Simulate motor, lock and sequencing, without pixels, and say how well the mirror keeps step
 #[derive(clap::Args)]
-#[command(after_help = "Example: praxi sim --rig reference --seconds 60 --seed 7")]
+#[command(after_help = "Example: praxi sim --scenario dropouts --seconds 60 --seed 7\n\n\
+    A scenario is a TOML file: name = \"…\", and [[event]] tables of at_s (seconds) and do, as in\n    \
+    do = \"start\" or do = { lose-frame-pulses = { count = 1 } }; hil-sim/scenarios holds examples.")]
 pub(super) struct Args {
     /// A rig file, or reference, reference-180hz, high-viewer, tent
     #[arg(long, default_value = "reference")]
     rig: String,
-    /// A motor file; the reference motor without it
-    #[arg(long, value_name = "FILE")]
-    motor: Option<PathBuf>,
-    /// A file with faults and commands over time; without it the motor is started after 0.05 s
-    #[arg(long, value_name = "FILE")]
-    scenario: Option<PathBuf>,
+    /// A motor file, or reference
+    #[arg(long, default_value = REFERENCE_MOTOR)]
+    motor: String,
+    /// A file of commands and faults over time, or plain, second-motor, smooth-motor, pulses, dropouts, rate-step, emergency-stop
+    #[arg(long, default_value = "plain")]
+    scenario: String,
     /// Simulated seconds
     #[arg(long, value_name = "S", value_parser = seconds, default_value = "60")]
     seconds: f64,
@@ -44,8 +47,14 @@ fn seconds(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let rig = rigs::find(&args.rig)?;
-    let motor = args.motor.as_deref().map_or(Ok(Motor::reference()), |path| load(path, Motor::from_toml))?;
-    let scenario = args.scenario.as_deref().map_or(Ok(Scenario::default()), |path| load(path, Scenario::from_toml))?;
+    let motor = match args.motor.as_str() {
+        REFERENCE_MOTOR => Motor::reference(),
+        file => load(file, "reference", Motor::from_toml)?,
+    };
+    let scenario = match Scenario::built_in(&args.scenario) {
+        Some(scenario) => scenario,
+        None => load(&args.scenario, &Scenario::BUILT_IN.join(", "), Scenario::from_toml)?,
+    };
     let latency = Nanos::from_seconds(rig.projector.frame_latency_us * 1e-6);
     let mut world = World::new(&rig.rotation(), latency, &motor, &scenario, args.seed)
         .map_err(|error| Failure(format!("{} with motor {}: {error}", rig.name, motor.name)))?;
@@ -61,12 +70,13 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
         return Ok(());
     }
     let first = verdict.first.as_deref().unwrap_or("a checker failed");
-    Err(Failure(format!("{first}; repeat with: {}", args.repeat())))
+    let repeat = repeat_command(&args.rig, &args.motor, &args.scenario, args.seconds, args.seed);
+    Err(Failure(format!("{first}; repeat with: {repeat}")))
 }
 
-fn load<T, E: Display>(path: &Path, parse: impl Fn(&str) -> Result<T, E>) -> Result<T, Failure> {
-    let text = std::fs::read_to_string(path).map_err(|error| Failure(format!("{}: {error}", path.display())))?;
-    parse(&text).map_err(|error| Failure(format!("{}: {error}", path.display())))
+fn load<T, E: Display>(file: &str, names: &str, parse: impl Fn(&str) -> Result<T, E>) -> Result<T, Failure> {
+    let text = std::fs::read_to_string(file).map_err(|error| Failure(format!("{file}: {error}; built in: {names}")))?;
+    parse(&text).map_err(|error| Failure(format!("{file}: {error}")))
 }
 
 /// Runs for `seconds` with two turns that take each other's place: a slot that comes back is at once full again.
@@ -85,23 +95,6 @@ fn keep_step(world: &mut World, seconds: f64) {
         bar.inc(1);
     }
     bar.finish_and_clear();
-}
-
-impl Args {
-    /// The one command that does the same again.
-    fn repeat(&self) -> String {
-        let file = |name: &str, path: &Option<PathBuf>| {
-            path.as_ref().map(|path| format!(" --{name} {}", path.display())).unwrap_or_default()
-        };
-        format!(
-            "praxi sim --rig {}{}{} --seconds {} --seed {}",
-            self.rig,
-            file("motor", &self.motor),
-            file("scenario", &self.scenario),
-            self.seconds,
-            self.seed,
-        )
-    }
 }
 
 /// The statistics with the time to lock, which is the first recovery's, and the planes on top.
