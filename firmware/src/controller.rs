@@ -26,6 +26,11 @@ pub enum Input {
         /// When, by the capture timer.
         at: Nanos,
     },
+    /// The projector began a plane.
+    PlanePulse {
+        /// When, by the capture timer.
+        at: Nanos,
+    },
     /// The mirror passed its index.
     IndexPulse {
         /// When, by the capture timer.
@@ -129,6 +134,7 @@ impl Controller {
             Input::FramePulse { at } => {
                 self.projector.pulse(at);
             }
+            Input::PlanePulse { at } => self.projector.plane_pulse(at),
             Input::IndexPulse { at } => {
                 self.rotation.index(at);
             }

@@ -2,6 +2,10 @@
 //!
 //! A two-state Kalman filter (edge, period) behind a 6 sigma gate. A lost pulse costs nothing, an extra one is refused, and three
 //! intervals that agree with each other but not with the filter restart it on the new rate.
+//!
+//! Frame pulses discipline the clock; plane pulses, 24 times as many, contradict it within a plane where the rate steps in the middle
+//! of nowhere: from 240 to 180 Hz the frame pulse comes when 18 planes have been shown in the wrong place, the first plane pulse when
+//! one is a third of a slice late.
 
 use crate::angle::nanos_to_f32;
 use crate::config::Config;
@@ -73,6 +77,10 @@ pub struct ProjectorSync {
     frames_since_pulse: u32,
     refused: u32,
     doubtful: bool,
+    contradicted: bool,
+    last_plane: Option<Nanos>,
+    planes: f32,
+    plane_tolerance: f32,
     // Of (edge, period), in ns².
     variance_edge: f32,
     covariance: f32,
@@ -100,6 +108,10 @@ impl ProjectorSync {
             frames_since_pulse: 0,
             refused: 0,
             doubtful: false,
+            contradicted: false,
+            last_plane: None,
+            planes: config.rotation.planes_per_frame() as f32,
+            plane_tolerance: plane_tolerance(config, jitter_ns),
             variance_edge: 0.0,
             covariance: 0.0,
             variance_period: 0.0,
@@ -136,6 +148,7 @@ impl ProjectorSync {
         self.tracking = false;
         self.stamps_held = 0;
         self.doubtful = false;
+        self.contradicted = false;
     }
 
     /// Takes a frame pulse captured at `at`.
@@ -158,6 +171,20 @@ impl ProjectorSync {
             (true, true) => Pulse::Accepted,
             (true, false) => Pulse::Refused,
         }
+    }
+
+    /// Takes a plane pulse captured at `at`. One that falls between the planes of the clock, or that comes when one before it has
+    /// not come, makes the clock doubtful until frame and plane pulses have agreed for a frame.
+    pub fn plane_pulse(&mut self, at: Nanos) {
+        let last = self.last_plane.replace(at);
+        if !self.tracking {
+            return;
+        }
+        let planes = self.edge.plus(self.latency_ns, 0.0).until(at) / self.period_ns() * self.planes;
+        let astray = libm::fabsf(planes - libm::roundf(planes)) > self.plane_tolerance;
+        let gap = last.is_some_and(|last| at.signed_since(last) as f32 * self.planes > 1.5 * self.period_ns());
+        self.contradicted |= astray || gap;
+        self.doubtful |= self.contradicted;
     }
 
     /// Lets the clock run on to `now` without a pulse. Call at every control tick.
@@ -213,7 +240,8 @@ impl ProjectorSync {
         ahead.covariance *= 1.0 - gain_edge;
         ahead.variance_edge *= 1.0 - gain_edge;
         ahead.refused = 0;
-        ahead.doubtful = false;
+        ahead.doubtful = ahead.contradicted;
+        ahead.contradicted = false;
         ahead.frames_since_pulse = 0;
         *self = ahead;
         true
@@ -264,10 +292,18 @@ impl ProjectorSync {
         self.covariance = self.jitter_variance / AGREEING as f32;
         self.variance_period = 2.0 * self.jitter_variance / (AGREEING * AGREEING) as f32;
         self.refused = 0;
+        self.contradicted = false;
         // Until a pulse confirms it.
         self.doubtful = true;
         self.frames_since_pulse = 0;
     }
+}
+
+/// How far from its place, in planes, a plane pulse is believed to be noise: 6 sigma, but not less than what a slight rate error
+/// makes of a frame, nor so much that a plane is half off.
+fn plane_tolerance(config: &Config, jitter_ns: f32) -> f32 {
+    let plane_ns = config.rotation.planes_nanos(1) as f32;
+    (GATE_SIGMAS * jitter_ns / plane_ns).clamp(0.1, 0.45)
 }
 
 #[cfg(test)]

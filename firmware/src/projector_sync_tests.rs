@@ -132,3 +132,27 @@ fn time_that_runs_backwards_is_refused() {
     assert_eq!(clock.sync.pulse(Nanos(5)), Pulse::Refused);
     assert_eq!(clock.tick(), Pulse::Accepted);
 }
+
+#[test]
+fn a_plane_pulse_contradicts_a_clock_that_stepped() {
+    for (stretch, doubtful) in [(1.0, false), (1.002, false), (4.0 / 3.0, true), (0.75, true), (1.2, true), (2.0, true)]
+    {
+        let mut clock = Clock::new(50.0);
+        (0..100).for_each(|_| {
+            clock.tick();
+        });
+        let edge = clock.next_ns - clock.period_ns;
+        let doubted_after = (0..24).find(|plane| {
+            let at = edge + f64::from(*plane) * clock.period_ns / 24.0 * stretch + clock.jitter_ns();
+            clock.sync.plane_pulse(Nanos(at as u64));
+            clock.sync.is_doubtful()
+        });
+        assert_eq!(doubted_after.is_some(), doubtful, "{stretch}");
+        // As soon as a plane starts in a wrong place.
+        assert!(doubted_after.is_none_or(|plane| f64::from(plane) * (stretch - 1.0).abs() <= 1.0), "{stretch}");
+        // A frame in which everything agrees ends the doubt.
+        clock.tick();
+        clock.tick();
+        assert!(!clock.sync.is_doubtful());
+    }
+}

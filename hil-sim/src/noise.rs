@@ -22,6 +22,8 @@ pub enum Source {
     ProjectorRate,
     /// Where the mirror stands and the projector is when the simulation starts.
     Start,
+    /// Plane pulses.
+    PlanePulses,
 }
 
 /// The stream of one source.

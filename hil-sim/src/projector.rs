@@ -24,6 +24,7 @@ pub struct Projector {
     latency_ns: f64,
     rate_noise: Noise,
     pulse_noise: Noise,
+    plane_noise: Noise,
     next_edge: f64,
     pulse_at: f64,
     coming: VecDeque<Light>,
@@ -42,6 +43,8 @@ pub struct PlaneStart {
     pub frame: Frame,
     /// How long the plane lasts, ns.
     pub duration_ns: f64,
+    /// By how much the plane's pulse is off, ns.
+    pub pulse_error_ns: f64,
 }
 
 impl Projector {
@@ -58,6 +61,7 @@ impl Projector {
             latency_ns,
             rate_noise: Noise::new(seed, Source::ProjectorRate),
             pulse_noise: Noise::new(seed, Source::FramePulses),
+            plane_noise: Noise::new(seed, Source::PlanePulses),
             next_edge: (0.1 + start.uniform()) * period_ns,
             pulse_at: 0.0,
             coming: VecDeque::new(),
@@ -100,6 +104,7 @@ impl Projector {
             plane: self.next_plane,
             frame: self.shown,
             duration_ns: self.light.period / f64::from(self.planes),
+            pulse_error_ns: self.jitter_ns * self.plane_noise.normal(),
         };
         self.next_plane += 1;
         if self.next_plane == self.planes {

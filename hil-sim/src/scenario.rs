@@ -93,6 +93,18 @@ pub enum Action {
     },
     /// A frame pulse that means nothing.
     ExtraFramePulse,
+    /// The next plane pulses are lost.
+    LosePlanePulses {
+        /// How many.
+        count: u32,
+    },
+    /// No plane pulses arrive.
+    NoPlanePulses {
+        /// For how long.
+        seconds: f64,
+    },
+    /// A plane pulse that means nothing.
+    ExtraPlanePulse,
     /// The next index pulses are lost.
     LoseIndexPulses {
         /// How many.
@@ -202,6 +214,7 @@ impl Event {
         long.check(&format!("{place}.at_s"), self.at_s)?;
         match self.action {
             Action::NoFramePulses { seconds }
+            | Action::NoPlanePulses { seconds }
             | Action::NoIndexPulses { seconds }
             | Action::EncoderFrozen { seconds }
             | Action::NoControlTicks { seconds } => long.check(&format!("{place}.do.*.seconds"), seconds),

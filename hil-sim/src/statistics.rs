@@ -11,7 +11,7 @@ pub struct LockStatistics {
     pub seconds: f64,
     /// Of these, in [`State::Locked`].
     pub locked_seconds: f64,
-    /// Root mean square phase error while locked, slices.
+    /// Root mean square phase error while locked and not in doubt, slices.
     pub rms_slices: f64,
     /// Its 99th percentile.
     pub p99_slices: f64,
@@ -105,18 +105,20 @@ impl Default for Collector {
 }
 
 impl Collector {
-    /// A plane started at `at_s`, `error_slices` off, `plane_ns` long.
-    pub fn plane(&mut self, at_s: f64, error_slices: f64, plane_ns: f64, state: State) {
+    /// A plane started at `at_s`, `error_slices` off, `plane_ns` long; `light`: it may be lit.
+    pub fn plane(&mut self, at_s: f64, error_slices: f64, plane_ns: f64, state: State, light: bool) {
         self.planes += 1;
         let size = error_slices.abs();
         if size > SETTLED_SLICES {
             self.last_outside_s = at_s;
         }
-        if let (true, Some(recovery)) = (state.may_light(), self.recoveries.last_mut()) {
+        if let (true, Some(recovery)) = (light, self.recoveries.last_mut()) {
             recovery.peak_slices = recovery.peak_slices.max(size);
         }
         if state == State::Locked {
             self.locked_ns += plane_ns;
+        }
+        if state == State::Locked && light {
             self.plane_ns = plane_ns;
             self.count += 1;
             self.squares += size * size;
@@ -217,7 +219,7 @@ mod tests {
             let error = if i < 500 { 1.0 } else { 0.01 };
             let state = if i < 600 { State::Acquire } else { State::Locked };
             collector.state(at_s, state, None);
-            collector.plane(at_s, if i == 999 { -0.05 } else { error }, 1e6, state);
+            collector.plane(at_s, if i == 999 { -0.05 } else { error }, 1e6, state, true);
         }
         let summary = collector.summary(1.0, Verdict::default());
         assert_eq!(summary.recoveries[0].settled_s, Some(0.499));

@@ -94,6 +94,7 @@ pub struct World {
     actions: VecDeque<(f64, Action)>,
     levels: Levels,
     frame_faults: PulseFaults,
+    plane_faults: PulseFaults,
     index_faults: PulseFaults,
     encoder_faults: CounterFaults,
     ticks_silent_until: f64,
@@ -109,6 +110,10 @@ pub struct World {
 enum Pulse {
     Frame,
     Index,
+    /// A plane's, with the time by which the controller is stamped it.
+    Plane {
+        stamp_ns: f64,
+    },
 }
 
 impl World {
@@ -160,6 +165,7 @@ impl World {
             actions: scenario.events.iter().map(|event| (event.at_s * 1e9, event.action)).collect(),
             levels: Levels::default(),
             frame_faults: PulseFaults::default(),
+            plane_faults: PulseFaults::default(),
             index_faults: PulseFaults::default(),
             encoder_faults: CounterFaults::default(),
             ticks_silent_until: 0.0,
@@ -289,10 +295,11 @@ impl World {
     }
 
     fn deliver(&mut self, at: f64, pulse: Pulse, angle: f64) {
-        let stamp = Nanos((at + 0.5).max(0.0) as u64);
+        let stamp = |at: f64| Nanos((at + 0.5).max(0.0) as u64);
         let input = match pulse {
-            Pulse::Frame => Input::FramePulse { at: stamp },
-            Pulse::Index => Input::IndexPulse { at: stamp },
+            Pulse::Frame => Input::FramePulse { at: stamp(at) },
+            Pulse::Index => Input::IndexPulse { at: stamp(at) },
+            Pulse::Plane { stamp_ns } => Input::PlanePulse { at: stamp(stamp_ns) },
         };
         self.feed_at(at.max(self.now), angle, input);
     }
@@ -308,9 +315,14 @@ impl World {
         let planes = f64::from(self.rotation.planes_per_frame());
         let frames = (progress * f64::from(self.rotation.slices()) - f64::from(start.plane)) / planes;
         let error_slices = (frames - frames.round()) * planes;
-        self.collector.plane(at * 1e-9, error_slices, start.duration_ns, self.output.state);
+        self.collector.plane(at * 1e-9, error_slices, start.duration_ns, self.output.state, self.output.light);
         self.sample(at, error_slices);
         self.relight(at, angle, true);
+        if self.plane_faults.passes(at) {
+            // Light and pulse start together; a stamp may be early, its arrival not.
+            let stamp_ns = at + start.pulse_error_ns;
+            self.pulses.push((at.max(stamp_ns), Pulse::Plane { stamp_ns }));
+        }
     }
 
     fn sample(&mut self, at: f64, error_slices: f64) {
