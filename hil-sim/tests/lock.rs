@@ -20,28 +20,37 @@ fn run(refresh_hz: u64, scenario: &Scenario, seed: u64, seconds: f64) -> LockSta
 }
 
 fn check(rig: &str, refresh_hz: u64, scenario: &Scenario, seconds: f64, rms: f64, peak: f64) {
-    let failures: Vec<String> = (0..SEEDS)
-        .into_par_iter()
-        .filter_map(|seed| {
-            let statistics = run(refresh_hz, scenario, seed, seconds);
-            let ratio = statistics.recoveries[0].ratio().unwrap_or(f64::INFINITY);
-            let good = statistics.rms_slices <= rms
-                && statistics.peak_slices <= peak
-                && ratio <= 1.15
-                && statistics.verdict.is_clean()
-                && statistics.faults.is_empty()
-                && statistics.locked_seconds >= seconds - 2.0;
-            let figures = format!("rms {:.4} peak {:.4}", statistics.rms_slices, statistics.peak_slices);
-            let file = format!("hil-sim/scenarios/{}.toml", scenario.name);
-            let command = repeat_command(rig, "hil-sim/motors/reference.toml", &file, seconds, seed);
-            (!good).then(|| format!("{figures} ratio {ratio:.3} {:?}; {command}", statistics.verdict))
+    let runs: Vec<_> =
+        (0..SEEDS).into_par_iter().map(|seed| (seed, run(refresh_hz, scenario, seed, seconds))).collect();
+    let ratio = |run: &LockStatistics| run.recoveries[0].ratio().unwrap_or(f64::INFINITY);
+    let worst = |figure: &dyn Fn(&LockStatistics) -> f64| runs.iter().map(|(_, run)| figure(run)).fold(0.0, f64::max);
+    println!(
+        "{rig}, {}: worst of {SEEDS} seeds: RMS {:.4}, peak {:.4} slices, {:.3} x the torque-limited spin-up",
+        scenario.name,
+        worst(&|run| run.rms_slices),
+        worst(&|run| run.peak_slices),
+        worst(&ratio),
+    );
+    let failures: Vec<String> = runs
+        .iter()
+        .filter(|(_, run)| {
+            run.rms_slices > rms
+                || run.peak_slices > peak
+                || ratio(run) > 1.15
+                || !run.verdict.is_clean()
+                || !run.faults.is_empty()
+                || run.locked_seconds < seconds - 2.0
+        })
+        .map(|(seed, run)| {
+            let command = repeat_command(rig, "reference", &scenario.name, seconds, *seed);
+            format!("{run:?}; {command}")
         })
         .collect();
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
 // The figures to reach are 0.005 RMS and 0.015 peak, first 0.03 and 0.1. Seen over these seeds: 0.0025 and 0.0147 at 180 Hz, 0.0029 and
-// 0.0148 at 240 Hz; over 150 seeds one in fifty peaks between 0.015 and 0.03 in the first 0.1 s after the lock.
+// 0.0152 at 240 Hz; over 150 seeds one in fifty peaks between 0.015 and 0.03 in the first 0.1 s after the lock.
 
 #[test]
 fn a_minute_at_180_hz() {
