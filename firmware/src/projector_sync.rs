@@ -9,6 +9,7 @@
 
 use crate::angle::nanos_to_f32;
 use crate::config::Config;
+use heapless::HistoryBuf;
 use protocol::units::Nanos;
 
 /// What a pulse meant.
@@ -67,8 +68,7 @@ pub struct ProjectorSync {
     nominal_ns: f32,
     jitter_variance: f32,
     wander_per_sqrt_s: f32,
-    stamps: [Nanos; AGREEING + 1],
-    stamps_held: usize,
+    stamps: HistoryBuf<Nanos, { AGREEING + 1 }>,
     tracking: bool,
     edge: Fine,
     period: Fine,
@@ -98,8 +98,7 @@ impl ProjectorSync {
             nominal_ns: config.rotation.frame_nanos() as f32,
             jitter_variance: jitter_ns * jitter_ns,
             wander_per_sqrt_s: config.clock.wander_ppm_per_sqrt_s.max(0.05) * 1e-6,
-            stamps: [Nanos::ZERO; AGREEING + 1],
-            stamps_held: 0,
+            stamps: HistoryBuf::new(),
             tracking: false,
             edge: Fine::default(),
             period: Fine::default(),
@@ -146,19 +145,17 @@ impl ProjectorSync {
     /// Forgets the clock, as after a long silence.
     pub fn forget(&mut self) {
         self.tracking = false;
-        self.stamps_held = 0;
+        self.stamps.clear();
         self.doubtful = false;
         self.contradicted = false;
     }
 
     /// Takes a frame pulse captured at `at`.
     pub fn pulse(&mut self, at: Nanos) -> Pulse {
-        if self.stamps_held > 0 && at.signed_since(self.stamps[AGREEING]) <= 0 {
+        if self.stamps.recent().is_some_and(|last| at.signed_since(*last) <= 0) {
             return Pulse::Refused;
         }
-        self.stamps.rotate_left(1);
-        self.stamps[AGREEING] = at;
-        self.stamps_held = (self.stamps_held + 1).min(AGREEING + 1);
+        self.stamps.write(at);
         let accepted = self.tracking && self.accept(at);
         if let Some(period_ns) = self.agreed_period()
             && (!self.tracking || self.refused >= AGREEING as u32 || self.is_another_rate(period_ns))
@@ -261,12 +258,13 @@ impl ProjectorSync {
 
     /// The period in which the last intervals agree, if they do.
     fn agreed_period(&self) -> Option<f32> {
-        if self.stamps_held <= AGREEING {
+        if !self.stamps.is_full() {
             return None;
         }
-        let interval = |i: usize| self.stamps[i + 1].signed_since(self.stamps[i]) as f32;
-        let mean = self.stamps[AGREEING].signed_since(self.stamps[0]) as f32 / AGREEING as f32;
-        let agree = (0..AGREEING).all(|i| (interval(i) - mean).abs() < self.interval_tolerance_ns(mean));
+        let stamps = || self.stamps.oldest_ordered();
+        let mean = self.stamps.recent()?.signed_since(*stamps().next()?) as f32 / AGREEING as f32;
+        let mut intervals = stamps().zip(stamps().skip(1)).map(|(from, to)| to.signed_since(*from) as f32);
+        let agree = intervals.all(|interval| libm::fabsf(interval - mean) < self.interval_tolerance_ns(mean));
         // A projector may run at a quarter or at four times the rate that the rig names; anything else is no frame clock.
         (agree && mean > 0.25 * self.nominal_ns && mean < 4.0 * self.nominal_ns).then_some(mean)
     }
