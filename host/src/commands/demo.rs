@@ -156,7 +156,7 @@ fn table(args: &Args, show: &Show, seen: &[pictures::Seen]) -> String {
                 megabytes(show.stream.bytes_on_wire)
             ),
         ),
-        ("written", format!("{}/: {} and report.json", args.out.display(), pictures::NAMES.join(", "))),
+        ("written", format!("{}/: {}, report", args.out.display(), pictures::NAMES.join(", "))),
     ];
     rows.map(|(name, value)| format!("{name:<19} {value}")).join("\n")
 }
