@@ -1,6 +1,7 @@
 //! Praxinoscope's host library: a scene becomes the slices of a turn, the turn reaches a device, and what an eye sees of it.
 
 pub mod commands;
+pub mod input;
 pub mod link;
 pub mod measure;
 pub mod output;

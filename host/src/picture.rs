@@ -1,5 +1,6 @@
 //! Pictures in linear light, as PNG files: 8-bit sRGB for people, 16-bit linear luminance for measuring.
 
+use crate::input::{self, PICTURE_BYTES_MAX};
 use image::{DynamicImage, ImageBuffer, ImageFormat, LumaA, Rgba};
 use std::io::Cursor;
 use std::path::Path;
@@ -71,7 +72,7 @@ impl Picture {
 
     /// Reads a PNG of either kind: 16 bits a channel are linear, 8 bits sRGB; transparent pixels are unknown.
     pub fn load(path: &Path) -> Result<Self, PictureError> {
-        let picture = image::load_from_memory_with_format(&std::fs::read(path)?, ImageFormat::Png)?;
+        let picture = image::load_from_memory_with_format(&input::read(path, PICTURE_BYTES_MAX)?, ImageFormat::Png)?;
         let linear = picture.color().bytes_per_pixel() / picture.color().channel_count() == 2;
         let (width, height) = (picture.width(), picture.height());
         let pixels = picture.into_rgba16();

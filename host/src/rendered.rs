@@ -1,5 +1,6 @@
 //! A rendered turn as a folder: `frame_00.png` … and `rotation.json`; or `slice_000.png` … for grey slices.
 
+use crate::input::{self, PICTURE_BYTES_MAX};
 use crate::picture::png;
 use crate::render::plan::{Halftone, Plan};
 use crate::render::turn::{Depth, Turn};
@@ -75,6 +76,9 @@ pub enum RenderedError {
     /// A file cannot be read or written.
     #[error("{0}: {1}")]
     File(PathBuf, std::io::Error),
+    /// There is no `rotation.json`.
+    #[error("{0}: {1}; a folder that praxi render wrote is needed")]
+    NotATurn(PathBuf, std::io::Error),
     /// `rotation.json` says nothing that can be used.
     #[error("{0}: {1}")]
     Rotation(PathBuf, String),
@@ -154,7 +158,7 @@ pub fn load(folder: &Path) -> Result<(Rotation, Turn), RenderedError> {
 
 fn load_rotation(path: &Path) -> Result<Rotation, RenderedError> {
     let broken = |message: String| RenderedError::Rotation(path.into(), message);
-    let text = std::fs::read_to_string(path).map_err(|error| RenderedError::File(path.into(), error))?;
+    let text = input::read_text(path).map_err(|error| RenderedError::NotATurn(path.into(), error))?;
     let rotation: Rotation = serde_json::from_str(&text).map_err(|error| broken(error.to_string()))?;
     let rig = rotation.rig.checked().map_err(|error| RenderedError::Rig(path.into(), error))?;
     let turn = rig.rotation();
@@ -171,7 +175,7 @@ fn load_rotation(path: &Path) -> Result<Rotation, RenderedError> {
 }
 
 fn load_picture(path: &Path, rig: &Rig, depth: Depth) -> Result<DynamicImage, RenderedError> {
-    let bytes = std::fs::read(path).map_err(|error| RenderedError::File(path.into(), error))?;
+    let bytes = input::read(path, PICTURE_BYTES_MAX).map_err(|error| RenderedError::File(path.into(), error))?;
     let picture = image::load_from_memory_with_format(&bytes, ImageFormat::Png)
         .map_err(|error| RenderedError::Picture(path.into(), error))?;
     let (colour, words) = match depth {

@@ -1,6 +1,8 @@
 //! Rigs by name or file.
 
+use crate::input;
 use protocol::rig::{Rig, RigError};
+use std::io::{self, ErrorKind};
 use std::path::Path;
 use thiserror::Error;
 
@@ -18,6 +20,9 @@ pub enum RigsError {
     /// The rig is refused.
     #[error("{0}: {1}")]
     Refused(String, RigError),
+    /// The file cannot be read.
+    #[error("{0}: {1}")]
+    Unreadable(String, io::Error),
     /// Neither a file nor a name.
     #[error("{0}: no such file; built-in rigs are {names}", names = BUILT_IN.map(|(name, _)| name).join(", "))]
     Unknown(String),
@@ -29,10 +34,11 @@ pub fn find(name: &str) -> Result<Rig, RigsError> {
     if let Some((_, text)) = BUILT_IN.iter().find(|(built_in, _)| *built_in == name) {
         return Rig::parse(text).map_err(refused);
     }
-    if !Path::new(name).exists() {
-        return Err(RigsError::Unknown(name.into()));
+    match input::read_text(Path::new(name)) {
+        Ok(text) => Rig::parse(&text).map_err(refused),
+        Err(error) if error.kind() == ErrorKind::NotFound => Err(RigsError::Unknown(name.into())),
+        Err(error) => Err(RigsError::Unreadable(name.into(), error)),
     }
-    Rig::load(Path::new(name)).map_err(refused)
 }
 
 #[cfg(test)]

@@ -291,6 +291,30 @@ fn places_that_cannot_be_written_are_refused_before_the_work() {
     desk.refuses("render builtin --rig small.toml --out /proc/praxi/turn", &["/proc/praxi/turn"]);
     desk.refuses("truth builtin --from 0,1,1 --out none/truth.png", &["none/truth.png"]);
     desk.refuses("truth builtin --from 0,1,1 --out full", &["full"]);
+    desk.refuses("truth builtin --from 0,1,1 --out file", &["file", "PNG"]);
+    desk.refuses("truth builtin --from 0,1,1 --out /dev/null", &["/dev/null", "PNG"]);
+    desk.json("render builtin --rig small.toml --out turn");
+    desk.refuses("see turn --from 0,1,1 --out turn/frame_00.png", &["turn/frame_00.png"]);
+}
+
+#[test]
+fn files_that_never_end_are_refused() {
+    let desk = Desk::new();
+    desk.json("render builtin --rig small.toml --out turn");
+    for arguments in [
+        "rig check /dev/zero",
+        "rig check .",
+        "sim --motor /dev/zero",
+        "sim --scenario /dev/zero",
+        "compare /dev/zero /dev/zero",
+        "see /dev --from 0,1,1 --out a.png",
+        "render /dev/zero --rig small.toml --out a",
+    ] {
+        desk.refuses(arguments, &[]);
+    }
+    fs::remove_file(desk.path("turn/frame_00.png")).unwrap();
+    std::os::unix::fs::symlink("/dev/zero", desk.path("turn/frame_00.png")).unwrap();
+    desk.refuses("see turn --from 0,1,1 --out a.png", &["frame_00.png", "regular"]);
 }
 
 #[test]

@@ -14,11 +14,10 @@ use core::f64::consts::TAU;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::path::Path;
 use thiserror::Error;
 
-/// The hardware. Fields are the keys of the file. [`Rig::parse`], [`Rig::load`] and [`Rig::checked`] give only possible rigs; methods
-/// may panic on others.
+/// The hardware. Fields are the keys of the file. [`Rig::parse`] and [`Rig::checked`] give only possible rigs; methods may panic on
+/// others.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rig {
@@ -249,9 +248,6 @@ impl Face {
 /// Why a rig is refused.
 #[derive(Debug, Error)]
 pub enum RigError {
-    /// The file cannot be read.
-    #[error("cannot read rig: {0}")]
-    Read(#[from] std::io::Error),
     /// Not TOML, or not a rig's keys: line, key, and the parser's words.
     #[error("{0}")]
     Syntax(String),
@@ -266,11 +262,6 @@ pub enum RigError {
 }
 
 impl Rig {
-    /// Reads and checks the file at `path`.
-    pub fn load(path: &Path) -> Result<Self, RigError> {
-        Self::parse(&std::fs::read_to_string(path)?)
-    }
-
     /// Reads and checks a rig file's text.
     pub fn parse(text: &str) -> Result<Self, RigError> {
         toml::from_str::<Self>(text).map_err(|error| RigError::Syntax(toml_problem(text, &error)))?.checked()

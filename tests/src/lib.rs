@@ -13,10 +13,9 @@ use host::seen::{Brightness, View, see};
 use protocol::rig::Rig;
 use std::path::{Path, PathBuf};
 
-/// A rig of `host/rigs`, or of `tests/rigs`.
+/// A built-in rig.
 pub fn rig(name: &str) -> Rig {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    Rig::load(&root.join(format!("../host/rigs/{name}.toml"))).expect("a built-in rig")
+    host::rigs::find(name).expect("a built-in rig")
 }
 
 /// A file of the data folder that is not part of the project; says so where it is missing.

@@ -1,14 +1,13 @@
 //! The worked points in `vectors/`: float64, planar fan and cone, one file a rig.
 
 use glam::{DVec2, DVec3};
-use protocol::rig::Rig;
 use shaders::project::{Model, SliceOptics};
 use std::path::Path;
 
 /// The largest disagreement in pixels with the columns of `model`, which begin with V' at `column`.
 fn worst_px(name: &str, model: Model, column: usize) -> f64 {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let rig = Rig::load(&root.join(format!("../host/rigs/{name}.toml"))).unwrap();
+    let rig = tests::rig(name);
     let table = std::fs::read_to_string(root.join(format!("vectors/vectors-{name}.csv"))).unwrap();
     let mut worst = 0.0;
     for line in table.lines().skip(1) {

@@ -2,7 +2,7 @@
 
 use super::args::{PictureArgs, ViewArgs, progress};
 use super::{Failure, say, say_json, warn};
-use crate::output::File;
+use crate::output::{self, File};
 use crate::rendered;
 use crate::seen::{Brightness, View, see};
 use clap::value_parser;
@@ -46,6 +46,9 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
             ]
         }
     };
+    if let Some((path, _)) = eyes.iter().find(|(path, _)| is_part_of(path, &args.dir)) {
+        return Err(Failure(format!("{}: is a picture of the turn itself: name another", path.display())));
+    }
     let files: Vec<_> = eyes.iter().map(|(path, _)| File::begin(path)).collect::<Result<_, _>>()?;
     let (rotation, turn) = rendered::load(&args.dir)?;
     let brightness = if args.physical { Brightness::Physical } else { Brightness::Divided };
@@ -76,6 +79,16 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
         lines.iter().for_each(say);
     }
     Ok(())
+}
+
+/// Whether `path` is one of the files of the turn in `folder`.
+fn is_part_of(path: &Path, folder: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    if !output::is_ours(&name) {
+        return false;
+    }
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    parent.canonicalize().ok().zip(folder.canonicalize().ok()).is_some_and(|(parent, folder)| parent == folder)
 }
 
 /// To the right of somebody who looks along `view`, level.

@@ -2,6 +2,7 @@
 
 use super::args::progress;
 use super::{Failure, say, say_json};
+use crate::input;
 use crate::rigs;
 use hil_sim::device::TurnHandle;
 use hil_sim::motor::Motor;
@@ -11,6 +12,7 @@ use hil_sim::world::{World, repeat_command};
 use protocol::units::Nanos;
 use serde_json::{Value, json};
 use std::fmt::Display;
+use std::path::Path;
 
 const REFERENCE_MOTOR: &str = "reference";
 
@@ -75,7 +77,8 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
 }
 
 fn load<T, E: Display>(file: &str, names: &str, parse: impl Fn(&str) -> Result<T, E>) -> Result<T, Failure> {
-    let text = std::fs::read_to_string(file).map_err(|error| Failure(format!("{file}: {error}; built in: {names}")))?;
+    let text =
+        input::read_text(Path::new(file)).map_err(|error| Failure(format!("{file}: {error}; built in: {names}")))?;
     parse(&text).map_err(|error| Failure(format!("{file}: {error}")))
 }
 

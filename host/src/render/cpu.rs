@@ -5,7 +5,7 @@ use super::tessellate::{Mesh, Triangle, tessellate};
 use super::turn::{Depth, Turn};
 use super::{RenderError, Renderer};
 use crate::scene::{ShadedScene, Texture, luminance};
-use glam::{DVec2, Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 use protocol::rig::Rig;
 use rayon::prelude::*;
 use shaders::halftone::halftone;
@@ -79,6 +79,32 @@ struct Corner {
     y: i64,
     depth: f32,
     place: Place,
+    /// Where it is off the panel: see [`SliceOptics::sides`].
+    sides: u8,
+}
+
+impl Corner {
+    fn new(optics: &SliceOptics, position: DVec3) -> Self {
+        let mut corner = Self { x: 0, y: 0, depth: 0.0, place: Place::Nowhere, sides: 0 };
+        if !optics.is_near(position) {
+            return corner;
+        }
+        let projected = optics.project(position);
+        let pixel = projected.pixel.filter(|pixel| pixel.abs().max_element() < FAR_PX);
+        let (Some(pixel), Some(depth), Some(mirror)) = (pixel, projected.depth_m, projected.mirror) else {
+            return corner;
+        };
+        (corner.x, corner.y) = ((pixel.x * STEPS).round() as i64, (pixel.y * STEPS).round() as i64);
+        corner.depth = depth as f32;
+        corner.sides = optics.sides(mirror);
+        corner.place = match projected.visibility {
+            Visibility::Visible | Visibility::OutsideImage => Place::Inside,
+            Visibility::OffPanel => Place::OffPanel,
+            Visibility::Unlit => Place::Unlit,
+            _ => Place::Nowhere,
+        };
+        corner
+    }
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -113,22 +139,13 @@ impl Canvas {
     fn draw(&mut self, mesh: &Mesh, textures: &[Arc<Texture>], faces: &[SliceOptics], face: usize) {
         let optics = &faces[face];
         self.corners.clear();
-        self.corners.extend(mesh.positions.iter().map(|position| {
-            let projected = optics.project(*position);
-            let pixel = projected.pixel.filter(|pixel| pixel.abs().max_element() < FAR_PX);
-            let place = match (pixel, projected.visibility) {
-                (Some(_), Visibility::Visible | Visibility::OutsideImage) => Place::Inside,
-                (Some(_), Visibility::OffPanel) => Place::OffPanel,
-                (Some(_), Visibility::Unlit) => Place::Unlit,
-                _ => Place::Nowhere,
-            };
-            let steps = (pixel.unwrap_or_default() * STEPS).round();
-            let depth = projected.depth_m.unwrap_or_default() as f32;
-            Corner { x: steps.x as i64, y: steps.y as i64, depth, place }
-        }));
+        self.corners.extend(mesh.positions.iter().map(|position| Corner::new(optics, *position)));
         for triangle in &mesh.triangles {
             let corners = triangle.corners.map(|corner| self.corners[corner as usize]);
             let worst = corners.iter().map(|corner| corner.place).max().unwrap_or(Place::Nowhere);
+            if worst == Place::Nowhere || corners.iter().fold(u8::MAX, |common, corner| common & corner.sides) != 0 {
+                continue;
+            }
             let shows = |x: i64, y: i64| {
                 let pixel = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
                 (faces.len() == 1 || owner(faces, pixel) == Some(face))
@@ -138,9 +155,7 @@ impl Canvas {
                         _ => optics.sight(pixel).is_some(),
                     }
             };
-            if worst != Place::Nowhere {
-                self.fill(corners, triangle, textures, shows);
-            }
+            self.fill(corners, triangle, textures, shows);
         }
     }
 

@@ -93,7 +93,9 @@ pub fn edge_limit_m(rig: &Rig, model: Model, radius_m: f64, bow_px: f64) -> f64 
     let radius = radius_m.min(1.5 * panel_m(rig)).max(1e-6);
     let length = radius / 8.0;
     let worst = (0..SEGMENTS).filter_map(|index| bow_of_segment(rig, model, index, radius, length)).fold(0.0, f64::max);
-    length * (bow_px / (1.25 * worst).max(1e-12)).sqrt()
+    // Half a panel at most: the renderer takes it that a piece with a corner a panel's size off the panel does not meet it.
+    let sizes = rig.mirror.face.iter().map(|face| face.width_m.min(face.slope_span_m[1] - face.slope_span_m[0]));
+    (length * (bow_px / (1.25 * worst).max(1e-12)).sqrt()).min(0.5 * sizes.fold(f64::INFINITY, f64::min))
 }
 
 fn bow_of_segment(rig: &Rig, model: Model, index: u32, radius: f64, length: f64) -> Option<f64> {

@@ -1,12 +1,12 @@
 //! Files and what they refer to.
 
-use std::fs;
-use std::io::Read;
+use std::io;
 use std::path::Path;
 
 use super::Fault;
+use crate::input;
 
-/// Larger files are refused before they are read.
+/// Larger files are refused.
 const BYTES_MAX: u64 = 8 << 30;
 
 /// Where a scene file finds the files that it names. Tests put memory in place of a folder.
@@ -27,7 +27,6 @@ impl Resources for Folder<'_> {
         }
         read(&self.0.join(name)).map_err(|fault| match fault {
             Fault::Unreadable { reason, .. } => Fault::Unreadable { place: at, reason },
-            Fault::TooLarge { count, what, limit, .. } => Fault::TooLarge { place: at, count, what, limit },
             other => other,
         })
     }
@@ -35,18 +34,6 @@ impl Resources for Folder<'_> {
 
 /// The bytes of a regular file.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, Fault> {
-    let unreadable = |reason: String| Fault::Unreadable { place: String::new(), reason };
-    let metadata = fs::metadata(path).map_err(|e| unreadable(e.to_string()))?;
-    // A device or a pipe may never end.
-    if !metadata.is_file() {
-        return Err(unreadable("not a regular file".into()));
-    }
-    if metadata.len() > BYTES_MAX {
-        let place = "file".into();
-        return Err(Fault::TooLarge { place, count: metadata.len(), what: "bytes", limit: BYTES_MAX });
-    }
-    let mut bytes = Vec::new();
-    let file = fs::File::open(path).map_err(|e| unreadable(e.to_string()))?;
-    file.take(BYTES_MAX).read_to_end(&mut bytes).map_err(|e| unreadable(e.to_string()))?;
-    Ok(bytes)
+    let unreadable = |error: io::Error| Fault::Unreadable { place: String::new(), reason: error.to_string() };
+    input::read(path, BYTES_MAX).map_err(unreadable)
 }
