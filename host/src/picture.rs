@@ -45,6 +45,18 @@ impl Picture {
             .collect()
     }
 
+    /// Share of pixels of which a file keeps less light than there is: some channel is brighter than white.
+    pub fn clipped_share(&self) -> f64 {
+        let clipped = self.colours.iter().filter(|colour| colour.iter().any(|value| *value > 1.001)).count();
+        clipped as f64 / self.colours.len() as f64
+    }
+
+    /// The same with all light times `gain`.
+    pub fn exposed(mut self, gain: f32) -> Self {
+        self.colours.iter_mut().flatten().for_each(|value| *value *= gain);
+        self
+    }
+
     /// As PNG: 8-bit sRGB with alpha.
     pub fn srgb_png(&self) -> Vec<u8> {
         let grey = self.colours.iter().all(|[r, g, b]| r == g && g == b);

@@ -120,7 +120,7 @@ fn plot_panel(area: &DrawingArea<BitMapBackend<'_>, Shift>, panel: &Panel<'_>) -
     for (row, (at, name)) in panel.marks.iter().filter(|(at, _)| (from..to).contains(at)).enumerate() {
         chart.draw_series(LineSeries::new([(*at, low), (*at, high)], RGBColor(120, 120, 130)))?;
         // Names of moments close together must not lie on each other.
-        let height = high - (high - low) * (0.03 + 0.07 * (row % 8) as f64);
+        let height = low + (high - low) * (0.3 - 0.07 * (row % 4) as f64);
         chart.draw_series([Text::new(format!(" {name}"), (*at, height), text(12))])?;
     }
     let visible = panel.points.iter().filter(|(at, _)| (from..=to).contains(at));

@@ -200,6 +200,8 @@ fn a_simulation_is_repeatable_and_takes_files() {
         desk.refuses(&format!("sim --motor {name}"), &words);
         desk.refuses(&format!("sim --scenario {name}"), &[name, "line"]);
     }
+    let short = desk.json("sim --seconds 0.01");
+    assert!(short["rms_slices"].is_null() && short["time_to_lock_s"].is_null(), "{short}");
     desk.refuses("sim --motor none.toml", &["none.toml", "No such file"]);
     desk.refuses("sim --scenario none.toml", &["none.toml", "No such file"]);
     desk.refuses("sim --seconds 0", &["--seconds"]);
@@ -236,6 +238,9 @@ fn odd_scenes_are_drawn_with_a_warning() {
     let desk = Desk::new();
     desk.write("some.obj", format!("{TRIANGLE}v 0 0 0\nf 1 1 2\nf 1 4 2\n"));
     assert!(desk.warnings("render some.obj --rig small.toml --out turn").contains("degenerate"));
+    desk.write("mark.obj", format!("\u{feff}{TRIANGLE}"));
+    assert!(desk.warnings("render mark.obj --rig small.toml --out turn").is_empty());
+    assert!(desk.warnings("render some.obj --fit-m 0.0001 --rig small.toml --out turn").contains("--fit-m"));
     desk.write("large.obj", TRIANGLE.replace("0.03", "3"));
     let text = desk.warnings("render large.obj --rig small.toml --out turn");
     let fit = text.split("--fit-m ").nth(1).and_then(|rest| rest.split(' ').next()).expect(&text);
@@ -276,6 +281,8 @@ fn bad_arguments_are_refused_on_one_line() {
     desk.refuses("see turn --from 1,2 --out a.png", &["--from", "0.01,0.35,0.9"]);
     desk.refuses("see turn --from 0,0,0 --out a.png", &["--from", "--look-at"]);
     desk.refuses("see turn --from 0,1,1 --rays 0 --out a.png", &["--rays"]);
+    desk.refuses("see turn --from 0,1,1 --window-m -1 --out a.png", &["--window-m", "from 0.000001"]);
+    desk.refuses("see turn --from 0,1,1e300 --out a.png", &["--from", "1e9"]);
     desk.refuses("paint", &["paint"]);
 }
 

@@ -12,7 +12,7 @@ use crate::timing::{Direction, Rotation};
 use crate::units::Turns;
 use core::f64::consts::TAU;
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 use thiserror::Error;
 
@@ -73,8 +73,8 @@ pub struct Projector {
     /// Where the optical axis meets the image; the origin is its top left corner.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub principal_px: Option<[f64; 2]>,
-    /// Homogeneous world metres to homogeneous pixels, row major; w > 0 in front.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// Homogeneous world metres to homogeneous pixels, three rows of four (or all twelve in a row); w > 0 in front.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "matrix_rows")]
     pub matrix: Option<[[f64; 4]; 3]>,
     /// k1, k2 of the radial polynomial, in units of the focal length.
     #[serde(default, skip_serializing_if = "is_zero")]
@@ -93,6 +93,20 @@ pub struct Projector {
 
 fn is_zero(radial: &[f64; 2]) -> bool {
     *radial == [0.0; 2]
+}
+
+/// Three rows of four numbers, or twelve numbers row by row.
+fn matrix_rows<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[[f64; 4]; 3]>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged, expecting = "matrix must be three rows of four numbers, row major")]
+    enum Matrix {
+        Rows([[f64; 4]; 3]),
+        Flat([f64; 12]),
+    }
+    Ok(Some(match Matrix::deserialize(deserializer)? {
+        Matrix::Rows(rows) => rows,
+        Matrix::Flat(numbers) => core::array::from_fn(|row| core::array::from_fn(|column| numbers[row * 4 + column])),
+    }))
 }
 
 /// The order in which the projector shows the channels of a frame; least significant bit first in each.

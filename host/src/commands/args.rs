@@ -18,7 +18,7 @@ pub(super) struct SceneArgs {
     /// A .gltf, .glb, .obj or .ply file in metres, or `builtin`
     pub scene: String,
     /// Centre the bounding box at the origin and scale its largest extent to M metres
-    #[arg(long, value_name = "M", value_parser = positive)]
+    #[arg(long, value_name = "M", value_parser = positive, allow_negative_numbers = true)]
     pub fit_m: Option<f64>,
     /// How surfaces are lit
     #[arg(long, value_enum, default_value = "lambert")]
@@ -63,11 +63,11 @@ impl SceneArgs {
         Ok((scene, shaded))
     }
 
-    /// Warns of a scene that `rig` cannot show whole, with the size that fits.
-    pub(super) fn warn_if_too_large(&self, scene: &Scene, rig: &Rig) {
+    /// Warns of a scene that `rig` cannot show whole, or that is lost in it, with the size that fits.
+    pub(super) fn warn_of_size(&self, scene: &Scene, rig: &Rig) {
         let allowed = display_radius_m(rig);
         let radius = f64::from(scene.radius());
-        if radius <= allowed {
+        if (0.05 * allowed..=allowed).contains(&radius) {
             return;
         }
         let (low, high) = scene.bounds();
@@ -76,7 +76,7 @@ impl SceneArgs {
         let about_centre = f64::from(corners.map(|position| position.distance(centre)).fold(0.0, f32::max));
         let fit = extent * allowed / about_centre;
         warn(format!(
-            "{}: reaches {:.1} mm from the origin; rig {} shows {:.1} mm from every side: --fit-m {:.3} fits",
+            "{}: reaches {:.3} mm from the origin; rig {} shows {:.1} mm from every side: --fit-m {:.3} fits",
             self.scene,
             radius * 1e3,
             rig.name,
@@ -96,7 +96,7 @@ pub(super) struct ViewArgs {
     #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true, default_value = "0,0,0")]
     pub look_at: DVec3,
     /// The side of the window, which stands at right angles to the line of sight
-    #[arg(long, value_name = "M", value_parser = positive, default_value = "0.13")]
+    #[arg(long, value_name = "M", value_parser = positive, allow_negative_numbers = true, default_value = "0.13")]
     pub window_m: f64,
     /// The side of the picture
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), default_value = "256")]
@@ -151,7 +151,7 @@ pub(super) fn point(text: &str) -> Result<DVec3, String> {
         [x, y, z] if text.split(',').count() == 3 && numbers.iter().all(|value| value.abs() <= 1e9) => {
             Ok(DVec3::new(x, y, z))
         }
-        _ => Err("must be three numbers of metres with commas, as in 0.01,0.35,0.9".into()),
+        _ => Err("must be three numbers of metres with commas, as in 0.01,0.35,0.9, each from -1e9 to 1e9".into()),
     }
 }
 

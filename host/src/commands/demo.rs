@@ -31,7 +31,7 @@ pub(super) struct Args {
     #[arg(long, default_value = "reference")]
     rig: String,
     /// Centre the scene and scale its largest extent to M metres, in place of filling the display
-    #[arg(long, value_name = "M", value_parser = super::args::positive)]
+    #[arg(long, value_name = "M", value_parser = super::args::positive, allow_negative_numbers = true)]
     fit_m: Option<f64>,
     /// The folder to write; an earlier result of praxi is replaced
     #[arg(long, value_name = "DIR", default_value = "praxi-demo")]
@@ -156,7 +156,7 @@ fn table(args: &Args, show: &Show, seen: &[pictures::Seen]) -> String {
                 megabytes(show.stream.bytes_on_wire)
             ),
         ),
-        ("written", format!("{}/: {}, report", args.out.display(), pictures::NAMES.join(", "))),
+        ("written", format!("{}/: report.json and {} pictures", args.out.display(), pictures::NAMES.len())),
     ];
     rows.map(|(name, value)| format!("{name:<19} {value}")).join("\n")
 }

@@ -14,7 +14,7 @@ use crate::output;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 use std::fmt::Display;
-use std::io::Write;
+use std::io::{ErrorKind as ErrorKindIo, Write};
 use std::process::ExitCode;
 
 /// Praxinoscope: what a 360-degree light-field display shows, rendered, simulated and seen.
@@ -75,7 +75,13 @@ pub fn main() -> ExitCode {
 }
 
 fn fail(message: &str) -> ExitCode {
-    eprintln!("praxi: error: {}", message.split_whitespace().collect::<Vec<_>>().join(" "));
+    const LONGEST: usize = 600;
+    let mut line = message.split_whitespace().collect::<Vec<_>>().join(" ");
+    if let Some((end, _)) = line.char_indices().nth(LONGEST) {
+        line.truncate(end);
+        line.push('…');
+    }
+    eprintln!("praxi: error: {line}");
     ExitCode::from(2)
 }
 
@@ -99,7 +105,14 @@ fn refuse_arguments(error: &clap::Error) -> ExitCode {
 
 /// Prints to standard output. A reader that has gone away, as in `praxi … | head`, is no error.
 fn say(text: impl Display) {
-    let _ = writeln!(std::io::stdout(), "{}", text.to_string().trim_end());
+    let mut out = std::io::stdout().lock();
+    let written = writeln!(out, "{}", text.to_string().trim_end()).and_then(|()| out.flush());
+    if let Err(error) = written.as_ref().map_err(std::io::Error::kind)
+        && error != ErrorKindIo::BrokenPipe
+    {
+        eprintln!("praxi: error: standard output: {error}");
+        std::process::exit(2);
+    }
 }
 
 fn say_json(value: &serde_json::Value) {

@@ -8,6 +8,8 @@ use serde_json::json;
 use shaders::project::{SliceOptics, Viewer, Visibility};
 
 /// Project a scene point: its viewer, its pixel, its depth, and whether or why not it is visible
+///
+/// Depth is the distance to the viewer; for viewers at infinity it is the distance behind the plane through the origin that faces them.
 #[derive(clap::Args)]
 #[command(
     allow_negative_numbers = true,

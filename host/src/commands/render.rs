@@ -38,7 +38,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let rig = rigs::find(&args.rig)?;
     let (scene, shaded) = args.scene.load()?;
     let folder = Folder::begin(&args.out)?;
-    args.scene.warn_if_too_large(&scene, &rig);
+    args.scene.warn_of_size(&scene, &rig);
     let plan = Plan { model: args.model, halftone: args.halftone, ..Plan::default() };
     let bar = progress("rendering slices", rig.rotation.slices.into());
     let turn = CpuRenderer.render_turn(&shaded, &rig, &plan, &|| bar.inc(1))?;

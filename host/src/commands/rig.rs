@@ -50,20 +50,23 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let spacing =
         facts.spacing_mm.map(|spacing| format!(", {spacing:.1} mm at the viewing distance")).unwrap_or_default();
     say(format!(
-        "{}\n  rotation        {:.3} turns a second, {} slices in {} frames, {:.1} us a slice\n  \
+        "{}\n  rotation        {:.3} turns a second, {} slices in {}, {:.1} us a slice\n  \
          views           {:.3} degrees apart{spacing}\n  display volume  a ball of {:.1} mm radius about the origin\n  \
          resolution      {:.2} projector pixels a millimetre there\n  reach           {} slices a turn reach an eye",
         rig.name,
         rig.turns_per_second(),
         rig.rotation.slices,
-        rig.rotation().frames(),
+        match rig.rotation().frames() {
+            1 => "1 frame".to_string(),
+            frames => format!("{frames} frames"),
+        },
         rig.slice_seconds() * 1e6,
         facts.spacing_deg,
         facts.radius_mm,
         facts.pixels_per_mm,
         facts.reaching,
     ));
-    warnings.iter().for_each(warn);
+    warnings.iter().for_each(|warning| warn(format!("{}: {warning}", args.rig)));
     Ok(())
 }
 

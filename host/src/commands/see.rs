@@ -25,7 +25,7 @@ pub(super) struct Args {
     #[arg(long)]
     physical: bool,
     /// Two pictures, NAME-left and NAME-right, for two eyes this far apart
-    #[arg(long, value_name = "M", value_parser = super::args::positive)]
+    #[arg(long, value_name = "M", value_parser = super::args::positive, allow_negative_numbers = true)]
     eyes: Option<f64>,
     #[command(flatten)]
     picture: PictureArgs,
@@ -58,6 +58,12 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     for (path, view) in &eyes {
         let picture = see(&rotation.rig, &turn, view, args.exposures, brightness, &|| bar.inc(1));
         let reached = picture.known.iter().filter(|known| **known).count() as f64 / picture.known.len() as f64;
+        let clipped = picture.clipped_share();
+        if clipped > 0.0 {
+            let share = clipped * 100.0;
+            warnings
+                .push(format!("{}: {share:.1} % of the pixels are brighter than white, and clipped", path.display()));
+        }
         let mean = picture.luminance().iter().sum::<f32>() / (picture.known.len() as f32 * reached.max(1e-9) as f32);
         answers.push(json!({
             "out": path, "from_m": view.from.to_array(), "reached_share": reached, "mean_luminance": mean,

@@ -32,7 +32,7 @@ pub(super) struct Args {
     #[arg(long, default_value = "plain")]
     scenario: String,
     /// Simulated seconds
-    #[arg(long, value_name = "S", value_parser = seconds, default_value = "60")]
+    #[arg(long, value_name = "S", value_parser = seconds, allow_negative_numbers = true, default_value = "60")]
     seconds: f64,
     /// All noise follows from it
     #[arg(long, default_value_t = 1)]
@@ -59,7 +59,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     };
     let latency = Nanos::from_seconds(rig.projector.frame_latency_us * 1e-6);
     let mut world = World::new(&rig.rotation(), latency, &motor, &scenario, args.seed)
-        .map_err(|error| Failure(format!("{} with motor {}: {error}", rig.name, motor.name)))?;
+        .map_err(|error| Failure(format!("{} with motor {}: {error}", args.rig, args.motor)))?;
     keep_step(&mut world, args.seconds);
     let statistics = world.statistics();
     if args.json {
@@ -112,6 +112,13 @@ pub(super) fn as_json(statistics: &LockStatistics) -> Value {
         "planes_dark": statistics.dark,
     });
     if let (Some(value), Value::Object(more)) = (value.as_object_mut(), more) {
+        if statistics.locked_seconds == 0.0 {
+            // Without a plane in step there is no figure, and 0 would be a lie.
+            for name in ["rms", "p99", "peak"].iter().flat_map(|name| [format!("{name}_slices"), format!("{name}_us")])
+            {
+                value.insert(name, Value::Null);
+            }
+        }
         value.extend(more);
     }
     value
@@ -119,10 +126,17 @@ pub(super) fn as_json(statistics: &LockStatistics) -> Value {
 
 fn as_text(statistics: &LockStatistics) -> String {
     let LockStatistics { rms_slices, p99_slices, peak_slices, rms_us, p99_us, peak_us, verdict, .. } = statistics;
+    let locked = statistics.locked_seconds > 0.0;
     let mut lines = vec![
         format!("simulated     {:.1} s, {:.1} s of it locked", statistics.seconds, statistics.locked_seconds),
-        format!("phase error   RMS {rms_slices:.4}, p99 {p99_slices:.4}, peak {peak_slices:.4} slices"),
-        format!("              RMS {rms_us:.2}, p99 {p99_us:.2}, peak {peak_us:.2} us"),
+        match locked {
+            true => format!("phase error   RMS {rms_slices:.4}, p99 {p99_slices:.4}, peak {peak_slices:.4} slices"),
+            false => "phase error   none: the mirror never locked".to_string(),
+        },
+        match locked {
+            true => format!("              RMS {rms_us:.2}, p99 {p99_us:.2}, peak {peak_us:.2} us"),
+            false => format!("              {} fault(s)", statistics.faults.len()),
+        },
         format!("planes        {} shown, {} misplaced, {} dark", verdict.lit, verdict.misplaced, statistics.dark),
         format!(
             "checkers      {}: {} misplaced, {} forbidden, {} torn, {} disordered; farthest {:.3} slices",
@@ -135,7 +149,7 @@ fn as_text(statistics: &LockStatistics) -> String {
         ),
     ];
     for recovery in &statistics.recoveries {
-        let settled = recovery.settled_s.map_or("not in step again".to_string(), |settled| {
+        let settled = recovery.settled_s.map_or("not in step".to_string(), |settled| {
             let ratio = recovery.ratio().filter(|_| recovery.torque_limited_s > 0.05);
             let ratio = ratio.map(|ratio| format!(", {ratio:.2} x the torque-limited time")).unwrap_or_default();
             format!("in step after {settled:.3} s{ratio}")
@@ -143,7 +157,7 @@ fn as_text(statistics: &LockStatistics) -> String {
         lines.push(format!("at {:>7.3} s  {}: {settled}", recovery.at_s, recovery.cause));
     }
     for (at, fault) in &statistics.faults {
-        lines.push(format!("at {at:>7.3} s  fault: {fault:?}"));
+        lines.push(format!("at {at:>7.3} s  fault: {fault}"));
     }
     lines.join("\n")
 }

@@ -14,6 +14,8 @@ use super::files::Resources;
 use super::{Fault, Material, Scene, TRIANGLES_MAX, mtl};
 
 pub(super) fn parse(bytes: &[u8], resources: &dyn Resources) -> Result<Scene, Fault> {
+    // Some editors put a byte order mark in front.
+    let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let mut reader = Reader::new(resources);
     for (number, line) in logical_lines(bytes) {
         reader.line(&format_args!("line {number}"), &line)?;

@@ -129,3 +129,18 @@ impl State {
         matches!(self, Self::Locked | Self::Holdover | Self::Service)
     }
 }
+
+impl core::fmt::Display for Fault {
+    fn fmt(&self, formatter: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        formatter.write_str(match self {
+            Self::EmergencyStop => "the emergency stop is pressed",
+            Self::GuardOpen => "the guard is open",
+            Self::Overspeed => "the mirror turned too fast",
+            Self::Stall => "the mirror did not turn under torque",
+            Self::SensorLost => "neither index nor encoder pulses arrived",
+            Self::ProjectorLost => "no frame pulses arrived",
+            Self::LockTimeout => "the mirror did not come into step in time",
+            Self::Watchdog => "the control timer stopped",
+        })
+    }
+}

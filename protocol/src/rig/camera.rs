@@ -23,6 +23,7 @@ pub(super) enum CameraError {
     Overdetermined,
     LooksNowhere,
     Affine,
+    Behind,
     Mirrored,
     Folded,
 }
@@ -160,6 +161,9 @@ fn from_matrix(rows: &[[f64; 4]; 3]) -> Result<(DMat3, DVec3), CameraError> {
     let determinant = matrix.determinant();
     if determinant.is_nan() || determinant.abs() <= 1e-12 * scale {
         return Err(CameraError::Affine);
+    }
+    if rows[2][3] <= 0.0 {
+        return Err(CameraError::Behind);
     }
     if determinant < 0.0 {
         return Err(CameraError::Mirrored);

@@ -83,6 +83,10 @@ impl Rig {
                 refuse(key("look_at_m"), "must differ from position_m, and image_down must not point along the axis")
             }
             CameraError::Affine => refuse(key("matrix"), "is affine or singular: must have a nodal point"),
+            CameraError::Behind => refuse(
+                key("matrix"),
+                "gives the origin w <= 0: what is in front of the projector must have w > 0; negate it if it has the wrong sign",
+            ),
             CameraError::Mirrored => {
                 refuse(key("matrix"), "mirrors the image: its left 3 × 3 needs a positive determinant")
             }

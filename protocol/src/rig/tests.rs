@@ -95,6 +95,11 @@ fn a_matrix_is_the_pose_that_it_came_from() {
     let point = DVec3::new(0.03, -0.02, 0.05);
     assert!((camera.project(point).unwrap() - posed.project(point).unwrap()).length() < 1e-9);
     assert!((camera.position - posed.position).length() < 1e-12);
+    let flat = with_matrix("[3072.0, -384.0, 0.0, 230.4, 0.0, -384.0, 3072.0, 230.4, 0.0, -1.0, 0.0, 0.6]");
+    assert_eq!(Rig::parse(&flat).unwrap().camera(), camera);
+    let negated = "[[-3072.0, 384.0, 0.0, -230.4], [0.0, 384.0, -3072.0, -230.4], [0.0, 1.0, 0.0, -0.6]]";
+    assert!(refusal(&with_matrix(negated)).contains("negate"));
+    assert!(refusal(&with_matrix("[1.0, 2.0]")).contains("three rows of four"));
     assert!(
         refusal(&with_matrix("[[-3072.0, -384.0, 0.0, 230.4], [0.0, -384.0, 3072.0, 230.4], [0.0, -1.0, 0.0, 0.6]]"))
             .contains("mirrors")

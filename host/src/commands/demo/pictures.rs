@@ -77,6 +77,13 @@ pub(super) fn write(
     Ok(seen)
 }
 
+/// What makes white of white: the light of several faces adds, each through its filter.
+fn white_gain(rig: &Rig) -> f32 {
+    let luminance = |[r, g, b]: [f64; 3]| 0.2126 * r + 0.7152 * g + 0.0722 * b;
+    let white: f64 = (0..rig.mirror.face.len()).map(|face| luminance(rig.filter_colour(face))).sum();
+    1.0 / white as f32
+}
+
 /// A row of what the eye sees above a row of what a pinhole sees, from three places; by the measure.
 fn eyes(
     rig: &Rig,
@@ -84,14 +91,14 @@ fn eyes(
     flashes: &[Flash<'_>],
     places: &Places,
 ) -> Result<(Vec<Tile>, Vec<Seen>), Failure> {
-    let caster = Caster::new(scene);
+    let (caster, gain) = (Caster::new(scene), white_gain(rig));
     let (mut above, mut below, mut all) = (Vec::new(), Vec::new(), Vec::new());
     let bar = progress("looking", 3);
     for third in 0..3 {
         // 0.01 m aside at 0.9 m, as in the measure: an eye does not stand where a slice was rendered for.
         let azimuth = f64::from(third) * TAU / 3.0 + 0.01 / 0.9;
         let view = places.view(azimuth, 256, 4);
-        let picture = seen::picture(expose(rig, flashes, 1.0, 4, &view, Brightness::Divided, &|| ()));
+        let picture = seen::picture(expose(rig, flashes, 1.0, 4, &view, Brightness::Divided, &|| ())).exposed(gain);
         let View { from, look_at, window_m, pixels, rays } = view;
         let truth = caster.picture(&Pinhole { from, look_at, window_m, pixels, rays }, &|| ());
         let likeness = compare(&picture, &truth)?;
@@ -107,11 +114,12 @@ fn eyes(
 }
 
 fn orbit(rig: &Rig, flashes: &[Flash<'_>], places: &Places) -> Vec<u8> {
+    let gain = white_gain(rig);
     let bar = progress("walking around", ORBIT_FRAMES.into());
     let frames: Vec<Picture> = (0..ORBIT_FRAMES)
         .map(|frame| {
             let view = places.view(TAU * f64::from(frame) / f64::from(ORBIT_FRAMES), 256, 2);
-            let picture = seen::picture(expose(rig, flashes, 1.0, 2, &view, Brightness::Divided, &|| ()));
+            let picture = seen::picture(expose(rig, flashes, 1.0, 2, &view, Brightness::Divided, &|| ())).exposed(gain);
             bar.inc(1);
             picture
         })
@@ -124,7 +132,7 @@ fn orbit(rig: &Rig, flashes: &[Flash<'_>], places: &Places) -> Vec<u8> {
 fn slices(rig: &Rig, turn: &Turn) -> Vec<u8> {
     let step = (turn.slices() / 24).max(1);
     let tile = |slice: u32| Tile {
-        title: format!("{slice}: {:.1}°", rig.slice_angle(slice).to_degrees()),
+        title: format!("slice {slice}, {:.0}°", rig.slice_angle(slice).to_degrees()),
         picture: reduced(turn, slice, 128),
     };
     sheet(&(0..24).map(|index| tile(index * step)).collect::<Vec<_>>(), 6)
@@ -151,7 +159,8 @@ fn lock(rig: &Rig, show: &Show) -> Vec<u8> {
     let (speeds, errors) = (show.speeds(), show.phase_errors());
     let end = speeds.last().map_or(1.0, |(at, _)| *at).max(1e-3);
     let near = errors.first().map_or(0.0, |(at, _)| *at).min(end * 0.99);
-    let marks: Vec<_> = show.statistics.states.iter().map(|(at, state)| (*at, format!("{state:?}"))).collect();
+    let states = show.statistics.states.iter().filter(|(_, state)| *state != State::Idle);
+    let marks: Vec<_> = states.map(|(at, state)| (*at, format!("{state:?}"))).collect();
     let locked = show.statistics.states.iter().find(|(_, state)| *state == State::Locked);
     let locked = locked.map_or(near, |(at, _)| *at).min(end * 0.99);
     let pulled_in = (locked + 2.0 * (locked - near)).clamp(near + 0.02, end.max(near + 0.02));
@@ -167,8 +176,22 @@ fn lock(rig: &Rig, show: &Show) -> Vec<u8> {
     };
     let speed = rig.turns_per_second();
     plot(&[
-        panel("Mirror speed", "turns/s", &speeds, (0.0, end), (0.0, speed * 1.1), &[speed][..]),
-        panel("Phase error, pulling in", "slices", &errors, (near, pulled_in), (-1.0, 1.0), &[-0.5, 0.5][..]),
+        panel(
+            "Mirror speed (red: what the projector asks for)",
+            "turns/s",
+            &speeds,
+            (0.0, end),
+            (0.0, speed * 1.1),
+            &[speed][..],
+        ),
+        panel(
+            "Phase error, pulling in (red: half a slice, beyond which nothing may be lit)",
+            "slices",
+            &errors,
+            (near, pulled_in),
+            (-1.0, 1.0),
+            &[-0.5, 0.5][..],
+        ),
         panel("Phase error while locked", "slices", &errors, (locked, end), (-peak, peak), &[][..]),
     ])
 }

@@ -84,7 +84,10 @@ fn wait_for_lock(rig: &Rig, stream: &mut Stream<SimLink<Simulator>>) -> Result<(
                 bar.finish_and_clear();
                 return Ok(());
             }
-            State::Fault => return Err(Failure(format!("the simulated rig stopped: {:?}", status.fault))),
+            State::Fault => {
+                let cause = status.fault.map_or("no cause given".into(), |fault| fault.to_string());
+                return Err(Failure(format!("rig {}, with the reference motor, stopped: {cause}", rig.name)));
+            }
             _ => bar.set_position((f64::from(status.speed_microhertz) / rig.turns_per_second() / 1e4) as u64),
         }
     }
