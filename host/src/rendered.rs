@@ -140,7 +140,8 @@ pub fn load(folder: &Path) -> Result<(Rotation, Turn), RenderedError> {
     let rotation = load_rotation(&folder.join("rotation.json"))?;
     let depth = if rotation.method.plan.halftone == Halftone::Grey { Depth::Grey } else { Depth::Binary };
     let projector = &rotation.rig.projector;
-    let mut turn = Turn::dark(rotation.slices, projector.width_px, projector.height_px, depth);
+    let mut turn = Turn::dark(rotation.slices, projector.width_px, projector.height_px, depth)
+        .map_err(|error| RenderedError::Rotation(folder.join("rotation.json"), error.to_string()))?;
     let names = names(&rotation);
     let part = turn.bytes().len() / names.len();
     turn.bytes_mut().par_chunks_mut(part).zip(names).try_for_each(|(planes, name)| {

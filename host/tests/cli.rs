@@ -266,6 +266,9 @@ fn bad_rigs_are_refused() {
         desk.refuses(&format!("render builtin --rig {name} --out turn"), &words);
         desk.refuses(&format!("project --rig {name} --slice 0 0 0 0"), &words);
     }
+    let vast = reference.replace("slices = 288", "slices = 2016").replace("_px = 768", "_px = 4096");
+    desk.write("vast.toml", vast);
+    desk.refuses("render builtin --rig vast.toml --halftone grey --out turn", &["33.8 GB", "6.4 GB"]);
     desk.refuses("rig check nowhere", &["nowhere", "reference", "tent"]);
     desk.refuses("project --rig reference --slice 288 0 0 0", &["288", "0 to 287"]);
     desk.refuses("project --rig reference --slice 0 --face 1 0 0 0", &["--face 1", "0 to 0"]);

@@ -24,10 +24,10 @@ impl Renderer for CpuRenderer {
         plan: &Plan,
         done: &(dyn Fn() + Sync),
     ) -> Result<Turn, RenderError> {
-        let mesh = tessellate(scene, rig, plan.model.into(), plan.bow_px)?;
         let (width, height) = (rig.projector.width_px, rig.projector.height_px);
         let depth = if plan.halftone.binary().is_some() { Depth::Binary } else { Depth::Grey };
-        let mut turn = Turn::dark(rig.rotation.slices, width, height, depth);
+        let mut turn = Turn::dark(rig.rotation.slices, width, height, depth)?;
+        let mesh = tessellate(scene, rig, plan.model.into(), plan.bow_px)?;
         let slice_bytes = turn.slice_bytes();
         turn.bytes_mut().par_chunks_mut(slice_bytes).enumerate().for_each_init(
             || Canvas::new(width, height),

@@ -15,6 +15,9 @@ use turn::Turn;
 /// Why a turn cannot be rendered.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum RenderError {
+    /// The slices would not fit in memory.
+    #[error(transparent)]
+    TurnTooLarge(#[from] turn::TurnTooLarge),
     /// Straight edges would need too many pieces.
     #[error("cutting edges to {limit_mm} mm gives more than {allowed} triangles: make the scene smaller, with --fit-m")]
     TooManyTriangles {

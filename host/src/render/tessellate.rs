@@ -250,6 +250,50 @@ mod tests {
     }
 
     #[test]
+    fn no_edge_bows_more_than_asked() {
+        let tent = include_str!("../../rigs/tent.toml");
+        let high = include_str!("../../rigs/high-viewer.toml");
+        let off_axis = REFERENCE.replace("[0.0, 0.6, 0.0]", "[0.05, 0.5, 0.02]");
+        for (text, model) in [REFERENCE, tent, high, &off_axis]
+            .into_iter()
+            .flat_map(|text| [Model::Planar, Model::Cone].map(|model| (text, model)))
+        {
+            let rig = Rig::parse(text).unwrap();
+            for budget in [0.5, 0.1] {
+                let (worst, longest) = worst_bow(&rig, model, budget);
+                println!(
+                    "{} {model:?}: asked {budget} px, seen {worst:.3} px with edges up to {longest:.4} m",
+                    rig.name
+                );
+                assert!(worst < budget, "{} {model:?}: {worst} px of {budget}", rig.name);
+            }
+        }
+    }
+
+    /// The largest bow, in pixels, over edges of tilted squares of 80 mm in many slices; and the longest edge, in metres.
+    fn worst_bow(rig: &Rig, model: Model, budget: f64) -> (f64, f64) {
+        let mut scene = square(0.08);
+        for (index, triangle) in (0u8..).zip(&mut scene.triangles) {
+            let pose = glam::Quat::from_euler(glam::EulerRot::XYZ, 0.7, 0.4 + f32::from(index), 1.1);
+            triangle.positions = triangle.positions.map(|position| pose * position);
+        }
+        let mesh = tessellate(&scene, rig, model, budget).unwrap();
+        let (mut worst, mut longest) = (0.0f64, 0.0f64);
+        for slice in (0..rig.rotation.slices).step_by(7) {
+            let optics = SliceOptics::new(rig, 0, rig.slice_angle(slice), model);
+            for [a, b, c] in mesh.triangles.iter().map(|triangle| triangle.corners) {
+                for (from, to) in [(a, b), (b, c), (c, a)] {
+                    let (from, to) = (mesh.positions[from as usize], mesh.positions[to as usize]);
+                    let pixels = [from, (from + to) / 2.0, to].map(|point| optics.project(point).pixel.unwrap());
+                    worst = worst.max((pixels[1] - (pixels[0] + pixels[2]) / 2.0).length());
+                    longest = longest.max(from.distance(to));
+                }
+            }
+        }
+        (worst, longest)
+    }
+
+    #[test]
     fn a_wall_beyond_the_viewers_costs_nothing() {
         let rig = Rig::parse(REFERENCE).unwrap();
         let mesh = tessellate(&square(500.0), &rig, Model::Cone, 0.5).unwrap();

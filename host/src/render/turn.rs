@@ -1,6 +1,18 @@
 //! All slices of one rotation.
 
 use shaders::halftone::plane_stride;
+use thiserror::Error;
+
+/// A turn may hold this many bytes: 288 grey slices of 4096 × 4096 pixels, and some.
+const BYTES_MAX: u64 = 6 << 30;
+
+/// A turn that would not fit in memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("a turn of {:.1} GB: at most {:.1} GB are allowed, so fewer slices or pixels, or no grey", *bytes as f64 / 1e9, BYTES_MAX as f64 / 1e9)]
+pub struct TurnTooLarge {
+    /// Its size.
+    pub bytes: u64,
+}
 
 /// What a pixel of a slice holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,10 +34,14 @@ pub struct Turn {
 
 impl Turn {
     /// `slices` dark slices.
-    pub fn dark(slices: u32, width: u32, height: u32, depth: Depth) -> Self {
+    pub fn dark(slices: u32, width: u32, height: u32, depth: Depth) -> Result<Self, TurnTooLarge> {
         let mut turn = Self { width, height, depth, data: Vec::new() };
-        turn.data = vec![0; turn.slice_bytes() * slices as usize];
-        turn
+        let bytes = turn.slice_bytes() as u64 * u64::from(slices);
+        if bytes > BYTES_MAX {
+            return Err(TurnTooLarge { bytes });
+        }
+        turn.data = vec![0; bytes as usize];
+        Ok(turn)
     }
 
     /// Image width in pixels.
