@@ -13,6 +13,7 @@ mod gltf;
 mod gltf_accessor;
 mod gltf_material;
 mod gltf_nodes;
+mod lines;
 mod mtl;
 mod obj;
 mod ply;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::files::Resources;
-use super::obj::{logical_lines, numbers};
+use super::lines::{logical_lines, numbers};
 use super::{Fault, Material, Texture, Wrap};
 
 /// Materials of any number of files, by name; each picture is decoded once.

@@ -4,65 +4,21 @@
 //! Our own reader, because `tobj` 4.0.5 panics on `Kd 0.5` (which the format allows) and on indices far out of range,
 //! pairs texture coordinates with the wrong vertices where only some corners have them, and cannot name a line.
 
-use std::borrow::Cow;
 use std::collections::HashMap;
 
 use glam::{Vec2, Vec3};
 
 use super::assembly::{Assembly, Part};
 use super::files::Resources;
+use super::lines::{logical_lines, numbers};
 use super::{Fault, Material, Scene, TRIANGLES_MAX, mtl};
 
 pub(super) fn parse(bytes: &[u8], resources: &dyn Resources) -> Result<Scene, Fault> {
-    // Some editors put a byte order mark in front.
-    let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let mut reader = Reader::new(resources);
     for (number, line) in logical_lines(bytes) {
         reader.line(&format_args!("line {number}"), &line)?;
     }
     reader.finish()
-}
-
-/// Lines with their numbers from 1, comments removed, joined where one ends in a backslash.
-pub(super) fn logical_lines(bytes: &[u8]) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
-    let mut lines = bytes.split(|&b| b == b'\n').enumerate();
-    std::iter::from_fn(move || {
-        let (index, line) = lines.next()?;
-        let mut text = String::from_utf8_lossy(line);
-        while let Some(length) = text.trim_end().strip_suffix('\\').map(str::len) {
-            let Some((_, next)) = lines.next() else { break };
-            let joined = text.to_mut();
-            joined.replace_range(length.., " ");
-            joined.push_str(&String::from_utf8_lossy(next));
-        }
-        if let Some(comment) = text.find('#') {
-            text = Cow::Owned(text[..comment].to_owned());
-        }
-        Some((index + 1, text))
-    })
-}
-
-/// Numbers of a line; at least `needed` of them.
-pub(super) fn numbers<const N: usize>(
-    place: &dyn std::fmt::Display,
-    words: &mut dyn Iterator<Item = &str>,
-    needed: usize,
-) -> Result<([f32; N], usize), Fault> {
-    let mut values = [0.0_f32; N];
-    let mut count = 0;
-    for (value, word) in values.iter_mut().zip(words) {
-        *value = word
-            .parse()
-            .map_err(|_| Fault::malformed(place.to_string(), format!("\"{word}\", allowed are {needed} numbers")))?;
-        if value.is_nan() || value.abs() > 1e15 {
-            return Err(Fault::NotFinite { place: place.to_string(), what: "number", value: word.into() });
-        }
-        count += 1;
-    }
-    if count < needed {
-        return Err(Fault::malformed(place.to_string(), format!("{count} numbers, allowed are at least {needed}")));
-    }
-    Ok((values, count))
 }
 
 /// Indices of a corner's position, texture coordinate and normal.
