@@ -116,6 +116,7 @@ pub struct SliceOptics {
     offset_m: f64,
     half_width_m: f64,
     slope_span_m: [f64; 2],
+    guard_m: f64,
     camera: Camera,
     image_px: DVec2,
     /// P' = P − 2 (n·P − offset) n.
@@ -136,6 +137,7 @@ impl SliceOptics {
             offset_m: keys.offset_m,
             half_width_m: keys.width_m / 2.0,
             slope_span_m: keys.slope_span_m,
+            guard_m: guard_m(rig, face, frame),
             camera,
             image_px: DVec2::new(rig.projector.width_px.into(), rig.projector.height_px.into()),
             projector_image: camera.position - 2.0 * height * frame.normal,
@@ -179,38 +181,49 @@ impl SliceOptics {
         })
     }
 
-    /// On which sides of the panel `mirror` lies outside: bits 0 and 1 across, 2 and 3 along the slope. What lies between points
-    /// with a common bit is off the panel too.
+    /// On which sides of the panel and its guard band `mirror` lies outside: bits 0 and 1 across, 2 and 3 along the slope; 0 on it.
+    /// What lies between points with a common bit is outside too.
+    ///
+    /// The panel turns while a slice is on screen. What it does not hold in the middle of the exposure, but does at its ends, is the
+    /// guard band: left dark, it would dim the picture's rim.
     pub fn sides(&self, mirror: DVec3) -> u8 {
+        self.outside(mirror, self.guard_m)
+    }
+
+    fn outside(&self, mirror: DVec3, guard_m: f64) -> u8 {
         let (across, slope) = (self.frame.across.dot(mirror), self.frame.slope.dot(mirror));
         let outside = [
-            across < -self.half_width_m,
-            across > self.half_width_m,
-            slope < self.slope_span_m[0],
-            slope > self.slope_span_m[1],
+            across < -self.half_width_m - guard_m,
+            across > self.half_width_m + guard_m,
+            slope < self.slope_span_m[0] - guard_m,
+            slope > self.slope_span_m[1] + guard_m,
         ];
         (0..).zip(outside).map(|(bit, outside)| u8::from(outside) << bit).sum()
     }
 
     /// What `pixel` shows; `None` where its ray misses the panel or no lit viewer sees it.
     pub fn sight(&self, pixel: DVec2) -> Option<Sight> {
-        let mirror = self.pixel_on_panel(pixel)?;
+        let mirror = self.mirror_of(pixel).filter(|mirror| self.on_panel(*mirror))?;
+        self.sight_of(mirror)
+    }
+
+    /// The sight line through `mirror`, a point of the face's plane; `None` where no lit viewer sees it.
+    pub fn sight_of(&self, mirror: DVec3) -> Option<Sight> {
         let viewer = self.viewer_of_mirror(mirror)?;
         self.is_lit(viewer).then_some(Sight { viewer, mirror })
     }
 
-    /// M of `pixel` on the panel, `None` where the projector's ray misses it.
-    pub fn pixel_on_panel(&self, pixel: DVec2) -> Option<DVec3> {
+    /// M of `pixel`, on the panel or off it; `None` where the projector's ray does not meet the plane.
+    pub fn mirror_of(&self, pixel: DVec2) -> Option<DVec3> {
         let ray = self.camera.ray(pixel);
         let position = self.camera.position;
         let range = (self.offset_m - self.frame.normal.dot(position)) / self.frame.normal.dot(ray);
-        let mirror = position + range * ray;
-        (range > 0.0 && range.is_finite() && self.on_panel(mirror)).then_some(mirror)
+        (range > 0.0 && range.is_finite()).then(|| position + range * ray)
     }
 
-    /// |M − P| of `pixel` in metres, `None` where the projector's ray misses the panel.
-    pub fn throw_m(&self, pixel: DVec2) -> Option<f64> {
-        self.pixel_on_panel(pixel).map(|mirror| mirror.distance(self.camera.position))
+    /// |M − P| in metres.
+    pub fn throw_m(&self, mirror: DVec3) -> f64 {
+        mirror.distance(self.camera.position)
     }
 
     /// V' of a scene point: by step 2 of the patent, refined to the cone where the model asks for it.
@@ -301,13 +314,22 @@ impl SliceOptics {
         }
     }
 
-    fn on_panel(&self, mirror: DVec3) -> bool {
-        self.sides(mirror) == 0
+    /// Whether `mirror` is on the panel itself.
+    pub fn on_panel(&self, mirror: DVec3) -> bool {
+        self.outside(mirror, 0.0) == 0
     }
 
     fn in_image(&self, pixel: DVec2) -> bool {
         pixel.cmpge(DVec2::ZERO).all() && pixel.cmplt(self.image_px).all()
     }
+}
+
+/// How far the panel's corners move in half a slice, in metres, and a tenth more.
+fn guard_m(rig: &Rig, face: usize, frame: Frame) -> f64 {
+    let keys = &rig.mirror.face[face];
+    let corner = |slope: f64| keys.offset_m * frame.normal + keys.width_m / 2.0 * frame.across + slope * frame.slope;
+    let from_axis = keys.slope_span_m.map(|slope| corner(slope).with_y(0.0).length());
+    1.1 * from_axis[0].max(from_axis[1]) * PI / f64::from(rig.rotation.slices)
 }
 
 /// Whether `mirror` lies on the half line from `viewer` through `point`.

@@ -1,12 +1,13 @@
 //! What a simulated eye sees of a rendered turn against a pinhole render, by the measure; and the renderer against rays.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 use host::render::plan::{Halftone, Model, Plan};
 use host::render::truth::Caster;
-use host::scene::ShadedScene;
+use host::scene::{ShadedScene, ShadedTriangle};
+use host::seen::{Brightness, View, see};
 use protocol::rig::Rig;
 use shaders::project::{SliceOptics, Viewer};
-use tests::{builtin, bunny, measure, rig, turn};
+use tests::{builtin, bunny, measure, rig, turn, view};
 
 /// From where the measure looks, at height `height`.
 fn eye(height: f64) -> DVec3 {
@@ -84,6 +85,49 @@ fn two_eyes_have_their_own_perspective_of_the_built_in_scene() {
         println!("{side:+} m: {psnr:.2} dB");
         assert!((psnr - figure).abs() < 1.0, "{psnr:.2} dB, expected {figure}");
     }
+}
+
+/// A white room fills every slice, to the rim of the panel and through the whole exposure.
+#[test]
+fn a_white_scene_is_flat() {
+    let corner = |index: u32| Vec3::from_array([0, 1, 2].map(|axis| if index >> axis & 1 == 1 { 0.2 } else { -0.2 }));
+    let faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
+    let triangle = |corners: [u32; 3]| ShadedTriangle {
+        positions: corners.map(corner),
+        radiance: [Vec3::ONE; 3],
+        uv: [Vec2::ZERO; 3],
+        texture: None,
+    };
+    let triangles = faces.into_iter().flat_map(|[a, b, c, d]| [triangle([a, b, c]), triangle([a, c, d])]).collect();
+    let scene = ShadedScene { triangles, textures: Vec::new() };
+    for name in ["reference", "tent"] {
+        let rig = rig(name);
+        for model in [Model::Planar, Model::Cone] {
+            let turn = turn(&scene, &rig, &plan(model, Halftone::Grey));
+            for azimuth in [0.0, 2.0] {
+                let from = DVec3::new(0.9 * f64::sin(azimuth), 0.35, 0.9 * f64::cos(azimuth));
+                let seen = see(&rig, &turn, &View { pixels: 64, ..view(from) }, 4, Brightness::Divided, &|| ());
+                let known = seen.known.iter().filter(|known| **known).count();
+                let reached = seen.luminance().into_iter().zip(&seen.known).filter(|(_, known)| **known);
+                // A face whose part of the panel ends in the window adds its light or does not: flat per face.
+                let levels: Vec<f64> = if name == "tent" { levels(&rig) } else { vec![1.0] };
+                let astray = reached
+                    .filter(|(value, _)| levels.iter().all(|level| (f64::from(*value) - level).abs() > 0.01))
+                    .count();
+                println!("{name} {model:?} from azimuth {azimuth}: {astray} of {known} pixels are not white");
+                assert!(known > 3500 && astray == 0, "{name} {model:?}: {astray} of {known}");
+            }
+        }
+    }
+}
+
+/// The luminances of white by each set of faces.
+fn levels(rig: &Rig) -> Vec<f64> {
+    let [a, b] = [0, 1].map(|face| {
+        let [r, g, b] = rig.filter_colour(face);
+        0.2126 * r + 0.7152 * g + 0.0722 * b
+    });
+    vec![a, b, a + b]
 }
 
 /// Every rasterised pixel against a ray along its own sight line, which shares nothing with tessellation and rasteriser.

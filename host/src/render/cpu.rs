@@ -148,11 +148,12 @@ impl Canvas {
             }
             let shows = |x: i64, y: i64| {
                 let pixel = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+                let on_face = || optics.mirror_of(pixel).filter(|mirror| optics.sides(*mirror) == 0);
                 (faces.len() == 1 || owner(faces, pixel) == Some(face))
                     && match worst {
                         Place::Inside => true,
-                        Place::OffPanel => optics.pixel_on_panel(pixel).is_some(),
-                        _ => optics.sight(pixel).is_some(),
+                        Place::OffPanel => on_face().is_some(),
+                        _ => on_face().and_then(|mirror| optics.sight_of(mirror)).is_some(),
                     }
             };
             self.fill(corners, triangle, textures, shows);
@@ -212,10 +213,16 @@ impl Canvas {
     }
 }
 
-/// The face that the projector's ray through `pixel` meets first.
+/// The face that the projector's ray through `pixel` meets first; where it meets none, the one whose guard band it does.
 fn owner(faces: &[SliceOptics], pixel: DVec2) -> Option<usize> {
-    let hits = faces.iter().enumerate().filter_map(|(face, optics)| Some((face, optics.throw_m(pixel)?)));
-    hits.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(face, _)| face)
+    let first = |meets: &dyn Fn(&SliceOptics, DVec3) -> bool| {
+        let hits = faces.iter().enumerate().filter_map(|(face, optics)| {
+            let mirror = optics.mirror_of(pixel).filter(|mirror| meets(optics, *mirror))?;
+            Some((face, optics.throw_m(mirror)))
+        });
+        hits.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(face, _)| face)
+    };
+    first(&SliceOptics::on_panel).or_else(|| first(&|optics, mirror| optics.sides(mirror) == 0))
 }
 
 /// Twice the signed area of the triangle a, b, (x, y).
