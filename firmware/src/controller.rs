@@ -193,7 +193,8 @@ impl Controller {
         self.safety.tick(now, &conditions);
         self.torque = if self.safety.may_drive() {
             let reference = self.reference(now);
-            self.lock.torque(&self.rotation, reference, self.actuator.lead_s())
+            let may_swing = matches!(self.safety.state(), State::SpinUp | State::Acquire);
+            self.lock.torque(&self.rotation, reference, self.actuator.lead_s(), may_swing)
         } else {
             0.0
         };
@@ -208,7 +209,8 @@ impl Controller {
             self.torque = 0.0;
         }
         let state = self.safety.state();
-        if !matches!(state, State::Locked | State::Holdover) {
+        // Also where the estimate is in doubt: what is dark in the middle of a turn may only be lit again from the next index on.
+        if !matches!(state, State::Locked | State::Holdover) || !self.safety.may_light() {
             self.sequencer.close();
         }
         output.state = state;
@@ -264,7 +266,7 @@ impl Controller {
         self.doubtful_frames = if self.projector.is_doubtful() { self.doubtful_frames + 1 } else { 0 };
         // A doubt of a frame leaves a gap in the turn; one of half a turn ends it.
         let doubted = 2 * self.doubtful_frames > self.config.rotation.frames().max(2);
-        let lit = matches!(self.safety.state(), State::Locked | State::Holdover) && !doubted;
+        let lit = matches!(self.safety.state(), State::Locked | State::Holdover) && self.safety.may_light() && !doubted;
         let next = (reading.frame + 1 + self.lock.slot()) % self.config.rotation.frames();
         let (frame, released) = self.sequencer.arm(next, lit);
         (output.armed, output.released[0]) = (Some(frame), released);

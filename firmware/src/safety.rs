@@ -1,5 +1,6 @@
 //! States and interlocks: when torque may be given, when light, and why not.
 
+use crate::angle::nanos_to_f32;
 use crate::config::Limits;
 use core::f32::consts::TAU;
 use protocol::message::{Command, Fault, State};
@@ -39,6 +40,11 @@ impl Conditions {
     fn is_sharp(&self) -> bool {
         3.0 * self.sigma_slices.max(self.scatter_slices) < DARK_SLICES
     }
+
+    /// How many turns the mirror makes in `time` at its present speed.
+    fn turns(&self, time: Nanos) -> f32 {
+        nanos_to_f32(time.0 as i64) * 1e-9 * self.speeds_rad_s[0] / TAU
+    }
 }
 
 /// Levels of the safety inputs: true is active.
@@ -63,6 +69,7 @@ pub struct Safety {
     steady_since: Option<Nanos>,
     still_since: Option<Nanos>,
     fast_ticks: u32,
+    sharp_since: Option<Nanos>,
     trusted: bool,
 }
 
@@ -76,6 +83,9 @@ const LOCK_TURNS: f32 = 2.0;
 const UNLOCK_SLICES: f32 = 0.25;
 /// Light goes out where three sigmas of the estimate reach this.
 const DARK_SLICES: f32 = 0.4;
+/// What once-a-turn doubt leaves of the estimate changes within a turn: near the index it is always good. So it must have been good for a
+/// whole turn before light comes back; else light came and went twice a turn, and turns were torn.
+const TRUST_TURNS: f32 = 1.0;
 const FRAMES_TO_HOLDOVER: u32 = 3;
 const TURNS_TO_HOLDOVER: f32 = 2.5;
 const STALL: Nanos = Nanos(1_000_000_000);
@@ -95,6 +105,7 @@ impl Safety {
             steady_since: None,
             still_since: None,
             fast_ticks: 0,
+            sharp_since: None,
             trusted: false,
         }
     }
@@ -158,7 +169,9 @@ impl Safety {
 
     /// Judges one control tick.
     pub fn tick(&mut self, now: Nanos, conditions: &Conditions) {
-        self.trusted = conditions.is_sharp() && conditions.error_slices.abs() < UNLOCK_SLICES;
+        let sharp = conditions.is_sharp() && conditions.error_slices.abs() < UNLOCK_SLICES;
+        self.sharp_since = sharp.then(|| self.sharp_since.unwrap_or(now));
+        self.trusted = self.sharp_since.is_some_and(|since| conditions.turns(now - since) >= TRUST_TURNS);
         if self.state == State::Service && (now >= self.service_until || conditions.moving) {
             self.enter(now, State::Idle);
         }
@@ -239,8 +252,7 @@ impl Safety {
                     && conditions.is_sharp()
                     && !missing;
                 self.steady_since = steady.then(|| self.steady_since.unwrap_or(now));
-                let turns = |since: Nanos| (now - since).0 as f32 * 1e-9 * conditions.speeds_rad_s[0] / TAU;
-                if self.steady_since.is_some_and(|since| turns(since) >= LOCK_TURNS) {
+                if self.steady_since.is_some_and(|since| conditions.turns(now - since) >= LOCK_TURNS) {
                     self.enter(now, State::Locked);
                 }
             }

@@ -20,7 +20,7 @@ impl RotationEstimator {
         let innovation = -radians_between(Turns::ZERO, angle);
         let jitter = self.noise.index_jitter_s * self.speed.abs();
         // A mirror that hardly moves jitters by the width of the index mark, not by its time.
-        let noise = jitter * jitter + 1e-10;
+        let noise = jitter * jitter + 1e-10 + self.shaking_rad * self.shaking_rad;
         let terms = [(ANGLE, 1.0), (SPEED, since_tick)];
         let (mut gain, mut variance) = self.covariance.seen_through(terms);
         let surprise = innovation * innovation;
