@@ -98,6 +98,7 @@ struct Health {
     last_side: bool,
     radians_since_slip: f32,
     index_scatter: f32,
+    index_surprise: f32,
     index_refused: u32,
     index_accepted: u32,
     last_refused: Turns,

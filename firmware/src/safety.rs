@@ -23,6 +23,8 @@ pub struct Conditions {
     pub clock_known: bool,
     /// Frames since the last pulse.
     pub frames_missing: u32,
+    /// What the estimator has learnt of the motor is true of no motor.
+    pub model_impossible: bool,
     /// The loop is at the end of its planned way.
     pub tracking: bool,
     /// Estimated phase error, slices.
@@ -250,6 +252,7 @@ impl Safety {
                     && conditions.error_slices.abs() < close
                     && conditions.rate_slices_s.abs() < LOCK_RATE_PER_SLICE * close
                     && conditions.is_sharp()
+                    && !conditions.model_impossible
                     && !missing;
                 self.steady_since = steady.then(|| self.steady_since.unwrap_or(now));
                 if self.steady_since.is_some_and(|since| conditions.turns(now - since) >= LOCK_TURNS) {

@@ -74,6 +74,8 @@ fn divisions_out_of_reach_stay_dark() {
     }
 }
 
+/// Over 40 seeds all are clean but one: a controller that was told twice the torque there is, at 1152 slices, lit planes 1.5 slices off in one
+/// run of 40. A torque limit is not to be named higher than it is.
 #[test]
 fn other_motors_are_never_lit_wrongly() {
     type Change = fn(&mut Motor);
@@ -106,7 +108,7 @@ fn other_motors_are_never_lit_wrongly() {
         // What a person wires up is known; what a data sheet says may be wrong.
         let mut told = Motor::reference();
         told.sensors.encoder_counts_per_turn = motor.sensors.encoder_counts_per_turn;
-        for slices in [288, 576] {
+        for slices in [288, 576, 1_152] {
             runs(slices, &motor, &told, 4, 12.0);
             runs(slices, &motor, &motor, 4, 12.0);
         }

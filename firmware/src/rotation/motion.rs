@@ -20,6 +20,12 @@ impl RotationEstimator {
         self.nominal_yield * self.relative_yield
     }
 
+    /// Whether what was learnt is true of no motor: friction that drives by more than 2 % of the torque there is, or a drag at the end of its
+    /// scale. A motor with half the torque that was named is first explained so; light was then half a slice off.
+    pub fn model_is_impossible(&self) -> bool {
+        self.brake < -0.02 * self.strength || !(-0.5..=4.5).contains(&self.relative_drag)
+    }
+
     /// The torque that keeps acceleration at `acceleration` rad/s² while turning at `speed` rad/s at angle `angle`, N m: friction and
     /// imbalance included.
     pub fn torque_for(&self, acceleration: f32, speed: f32, angle: Turns) -> f32 {
