@@ -72,6 +72,7 @@ pub struct Safety {
     still_since: Option<Nanos>,
     fast_ticks: u32,
     sharp_since: Option<Nanos>,
+    trusted_at: Nanos,
     trusted: bool,
 }
 
@@ -88,6 +89,8 @@ const DARK_SLICES: f32 = 0.4;
 /// What once-a-turn doubt leaves of the estimate changes within a turn: near the index it is always good. So it must have been good for a
 /// whole turn before light comes back; else light came and went twice a turn, and turns were torn.
 const TRUST_TURNS: f32 = 1.0;
+/// A mirror in step that is in doubt for longer goes back to learning.
+const DARK_MAX: Nanos = Nanos(3_000_000_000);
 const FRAMES_TO_HOLDOVER: u32 = 3;
 const TURNS_TO_HOLDOVER: f32 = 2.5;
 const STALL: Nanos = Nanos(1_000_000_000);
@@ -108,6 +111,7 @@ impl Safety {
             still_since: None,
             fast_ticks: 0,
             sharp_since: None,
+            trusted_at: Nanos::ZERO,
             trusted: false,
         }
     }
@@ -174,6 +178,9 @@ impl Safety {
         let sharp = conditions.is_sharp() && conditions.error_slices.abs() < UNLOCK_SLICES;
         self.sharp_since = sharp.then(|| self.sharp_since.unwrap_or(now));
         self.trusted = self.sharp_since.is_some_and(|since| conditions.turns(now - since) >= TRUST_TURNS);
+        if self.trusted {
+            self.trusted_at = now;
+        }
         if self.state == State::Service && (now >= self.service_until || conditions.moving) {
             self.enter(now, State::Idle);
         }
@@ -185,6 +192,11 @@ impl Safety {
             return;
         }
         self.follow_lock(now, conditions);
+    }
+
+    /// Whether a mirror that seems in step has not been trusted for so long that it had better learn anew.
+    fn is_long_dark(&self, now: Nanos) -> bool {
+        !self.trusted && now - self.trusted_at.max(self.entered) > DARK_MAX
     }
 
     fn enter(&mut self, now: Nanos, state: State) {
@@ -239,6 +251,10 @@ impl Safety {
                 self.driven_since = now;
                 let near = conditions.clock_known && conditions.error_slices.abs() < 12.0;
                 self.enter(now, if near { State::Acquire } else { State::SpinUp });
+            }
+            State::Locked if self.is_long_dark(now) => {
+                self.driven_since = now;
+                self.enter(now, State::Acquire);
             }
             State::Locked if missing => self.enter(now, State::Holdover),
             State::Holdover if !missing => self.enter(now, State::Locked),
