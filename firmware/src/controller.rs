@@ -4,7 +4,7 @@ use crate::actuator::Actuator;
 use crate::config::{Config, ConfigError};
 use crate::plane_store::TurnHandle;
 use crate::projector_sync::ProjectorSync;
-use crate::rotation::RotationEstimator;
+use crate::rotation::{Index, RotationEstimator};
 use crate::safety::{Conditions, Levels, Safety};
 use crate::sequencer::{Frame, Sequencer};
 use crate::velocity_lock::{Reference, VelocityLock};
@@ -136,7 +136,10 @@ impl Controller {
             }
             Input::PlanePulse { at } => self.projector.plane_pulse(at),
             Input::IndexPulse { at } => {
-                self.rotation.index(at);
+                // What surprises a mirror that was in step came from outside; before, the model may be wrong as well.
+                if self.rotation.index(at) == Index::Accepted && self.is_learning() {
+                    self.rotation.doubt_model();
+                }
             }
             Input::Command(command) => self.command(now, command),
             Input::TurnReady(turn) => output.released[1] = self.sequencer.ready(turn),
@@ -167,6 +170,11 @@ impl Controller {
         &self.config
     }
 
+    /// Whether nothing is lit and the mirror is driven.
+    fn is_learning(&self) -> bool {
+        matches!(self.safety.state(), State::SpinUp | State::Acquire)
+    }
+
     fn check_watchdog(&mut self, now: Nanos) {
         let late = self.last_tick.is_some_and(|tick| now.signed_since(tick) > self.config.limits.watchdog.0 as i64);
         if late && self.safety.may_drive() {
@@ -193,7 +201,7 @@ impl Controller {
         self.safety.tick(now, &conditions);
         self.torque = if self.safety.may_drive() {
             let reference = self.reference(now);
-            self.lock.torque(&self.rotation, reference, self.actuator.lead_s())
+            self.lock.torque(&self.rotation, reference, self.actuator.lead_s(), self.is_learning())
         } else {
             0.0
         };
@@ -208,7 +216,8 @@ impl Controller {
             self.torque = 0.0;
         }
         let state = self.safety.state();
-        if !matches!(state, State::Locked | State::Holdover) {
+        // Also where the estimate is in doubt: what is dark in the middle of a turn may only be lit again from the next index on.
+        if !matches!(state, State::Locked | State::Holdover) || !self.safety.may_light() {
             self.sequencer.close();
         }
         output.state = state;
@@ -240,6 +249,7 @@ impl Controller {
             turns_since_index: self.rotation.turns_since_index(),
             clock_known: self.projector.is_tracking(),
             frames_missing: self.projector.frames_missing(),
+            model_impossible: self.rotation.model_is_impossible(),
             tracking: self.lock.is_tracking(),
             error_slices: self.lock.error_slices(),
             rate_slices_s: self.lock.rate_slices_s(),
@@ -264,7 +274,7 @@ impl Controller {
         self.doubtful_frames = if self.projector.is_doubtful() { self.doubtful_frames + 1 } else { 0 };
         // A doubt of a frame leaves a gap in the turn; one of half a turn ends it.
         let doubted = 2 * self.doubtful_frames > self.config.rotation.frames().max(2);
-        let lit = matches!(self.safety.state(), State::Locked | State::Holdover) && !doubted;
+        let lit = matches!(self.safety.state(), State::Locked | State::Holdover) && self.safety.may_light() && !doubted;
         let next = (reading.frame + 1 + self.lock.slot()) % self.config.rotation.frames();
         let (frame, released) = self.sequencer.arm(next, lit);
         (output.armed, output.released[0]) = (Some(frame), released);

@@ -29,6 +29,11 @@ impl<const N: usize> Covariance<N> {
         self.0[i][i] += variance;
     }
 
+    /// Multiplies all of it: as much less certain of everything.
+    pub fn scale(&mut self, factor: f32) {
+        self.0.as_flattened_mut().iter_mut().for_each(|value| *value *= factor);
+    }
+
     /// Makes state `i` independent of the others, with `variance`.
     pub fn isolate(&mut self, i: usize, variance: f32) {
         for j in 0..N {
@@ -97,6 +102,8 @@ mod tests {
         }
         assert!((covariance.variance(0) - 2.0).abs() < 1e-3);
         assert_eq!(covariance.variance(1), 1.0);
+        covariance.scale(3.0);
+        assert_eq!(covariance.variance(1), 3.0);
     }
 
     #[test]

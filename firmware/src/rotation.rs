@@ -73,6 +73,8 @@ pub struct RotationEstimator {
     cosine: f32,
     acceleration: f32,
     torque_nm: f32,
+    shaking_rad: f32,
+    shaking_variance: f32,
     covariance: Covariance<STATES>,
 
     health: Health,
@@ -96,6 +98,7 @@ struct Health {
     last_side: bool,
     radians_since_slip: f32,
     index_scatter: f32,
+    index_surprise: f32,
     index_refused: u32,
     index_accepted: u32,
     last_refused: Turns,
@@ -154,6 +157,8 @@ impl RotationEstimator {
             cosine: 1.0,
             acceleration: 0.0,
             torque_nm: 0.0,
+            shaking_rad: 0.0,
+            shaking_variance: 0.0,
             covariance: Covariance::diagonal([0.0; STATES]),
             health: Health::default(),
             window: SpeedWindow::default(),
@@ -205,7 +210,7 @@ impl RotationEstimator {
 
     /// Its standard deviation, radians. Only differences count before [`RotationEstimator::is_anchored`].
     pub fn sigma_rad(&self) -> f32 {
-        libm::sqrtf(self.covariance.variance(ANGLE).max(0.0))
+        libm::sqrtf(self.covariance.variance(ANGLE).max(0.0) + self.shaking_rad * self.shaking_rad)
     }
 
     /// How far off the last index pulses were, root mean square, radians: what the filter thinks of itself not taken into account.
@@ -221,6 +226,11 @@ impl RotationEstimator {
     /// The relative standard deviation of the estimated inertia.
     pub fn sigma_inertia(&self) -> f32 {
         libm::sqrtf(self.covariance.variance(YIELD).max(0.0)) / self.relative_yield
+    }
+
+    /// The standard deviation of the encoder's eccentricity, radians: what is left of the doubt whether it or an imbalance is seen.
+    pub fn sigma_eccentricity_rad(&self) -> f32 {
+        libm::sqrtf(self.covariance.variance(ECCENTRIC_COS).max(self.covariance.variance(ECCENTRIC_SIN)).max(0.0))
     }
 
     /// Whether the mirror turns.

@@ -1,5 +1,6 @@
 //! States and interlocks: when torque may be given, when light, and why not.
 
+use crate::angle::nanos_to_f32;
 use crate::config::Limits;
 use core::f32::consts::TAU;
 use protocol::message::{Command, Fault, State};
@@ -22,6 +23,8 @@ pub struct Conditions {
     pub clock_known: bool,
     /// Frames since the last pulse.
     pub frames_missing: u32,
+    /// What the estimator has learnt of the motor is true of no motor.
+    pub model_impossible: bool,
     /// The loop is at the end of its planned way.
     pub tracking: bool,
     /// Estimated phase error, slices.
@@ -38,6 +41,11 @@ impl Conditions {
     /// Whether planes lit by this estimate are where they belong, as far as filter and index can tell.
     fn is_sharp(&self) -> bool {
         3.0 * self.sigma_slices.max(self.scatter_slices) < DARK_SLICES
+    }
+
+    /// How many turns the mirror makes in `time` at its present speed.
+    fn turns(&self, time: Nanos) -> f32 {
+        nanos_to_f32(time.0 as i64) * 1e-9 * self.speeds_rad_s[0] / TAU
     }
 }
 
@@ -63,6 +71,8 @@ pub struct Safety {
     steady_since: Option<Nanos>,
     still_since: Option<Nanos>,
     fast_ticks: u32,
+    sharp_since: Option<Nanos>,
+    trusted_at: Nanos,
     trusted: bool,
 }
 
@@ -76,6 +86,11 @@ const LOCK_TURNS: f32 = 2.0;
 const UNLOCK_SLICES: f32 = 0.25;
 /// Light goes out where three sigmas of the estimate reach this.
 const DARK_SLICES: f32 = 0.4;
+/// What once-a-turn doubt leaves of the estimate changes within a turn: near the index it is always good. So it must have been good for a
+/// whole turn before light comes back; else light came and went twice a turn, and turns were torn.
+const TRUST_TURNS: f32 = 1.0;
+/// A mirror in step that is in doubt for longer goes back to learning.
+const DARK_MAX: Nanos = Nanos(3_000_000_000);
 const FRAMES_TO_HOLDOVER: u32 = 3;
 const TURNS_TO_HOLDOVER: f32 = 2.5;
 const STALL: Nanos = Nanos(1_000_000_000);
@@ -95,6 +110,8 @@ impl Safety {
             steady_since: None,
             still_since: None,
             fast_ticks: 0,
+            sharp_since: None,
+            trusted_at: Nanos::ZERO,
             trusted: false,
         }
     }
@@ -158,7 +175,12 @@ impl Safety {
 
     /// Judges one control tick.
     pub fn tick(&mut self, now: Nanos, conditions: &Conditions) {
-        self.trusted = conditions.is_sharp() && conditions.error_slices.abs() < UNLOCK_SLICES;
+        let sharp = conditions.is_sharp() && conditions.error_slices.abs() < UNLOCK_SLICES;
+        self.sharp_since = sharp.then(|| self.sharp_since.unwrap_or(now));
+        self.trusted = self.sharp_since.is_some_and(|since| conditions.turns(now - since) >= TRUST_TURNS);
+        if self.trusted {
+            self.trusted_at = now;
+        }
         if self.state == State::Service && (now >= self.service_until || conditions.moving) {
             self.enter(now, State::Idle);
         }
@@ -170,6 +192,11 @@ impl Safety {
             return;
         }
         self.follow_lock(now, conditions);
+    }
+
+    /// Whether a mirror that seems in step has not been trusted for so long that it had better learn anew.
+    fn is_long_dark(&self, now: Nanos) -> bool {
+        !self.trusted && now - self.trusted_at.max(self.entered) > DARK_MAX
     }
 
     fn enter(&mut self, now: Nanos, state: State) {
@@ -225,6 +252,10 @@ impl Safety {
                 let near = conditions.clock_known && conditions.error_slices.abs() < 12.0;
                 self.enter(now, if near { State::Acquire } else { State::SpinUp });
             }
+            State::Locked if self.is_long_dark(now) => {
+                self.driven_since = now;
+                self.enter(now, State::Acquire);
+            }
             State::Locked if missing => self.enter(now, State::Holdover),
             State::Holdover if !missing => self.enter(now, State::Locked),
             State::SpinUp if conditions.tracking => self.enter(now, State::Acquire),
@@ -237,10 +268,10 @@ impl Safety {
                     && conditions.error_slices.abs() < close
                     && conditions.rate_slices_s.abs() < LOCK_RATE_PER_SLICE * close
                     && conditions.is_sharp()
+                    && !conditions.model_impossible
                     && !missing;
                 self.steady_since = steady.then(|| self.steady_since.unwrap_or(now));
-                let turns = |since: Nanos| (now - since).0 as f32 * 1e-9 * conditions.speeds_rad_s[0] / TAU;
-                if self.steady_since.is_some_and(|since| turns(since) >= LOCK_TURNS) {
+                if self.steady_since.is_some_and(|since| conditions.turns(now - since) >= LOCK_TURNS) {
                     self.enter(now, State::Locked);
                 }
             }

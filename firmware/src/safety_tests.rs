@@ -15,6 +15,7 @@ fn well() -> Conditions {
         turns_since_index: 0.5,
         clock_known: true,
         frames_missing: 0,
+        model_impossible: false,
         tracking: true,
         error_slices: 0.0,
         rate_slices_s: 0.0,
@@ -95,6 +96,32 @@ fn an_estimate_that_is_too_vague_is_dark() {
 }
 
 #[test]
+fn a_doubt_within_a_turn_is_dark_for_a_turn() {
+    let mut bench = Bench::locked();
+    let vague = Conditions { sigma_slices: 0.14, ..well() };
+    // Good near the index and vague elsewhere, turn after turn of 50 ms.
+    for _ in 0..10 {
+        bench.run(0.03, vague);
+        bench.run(0.02, well());
+        assert!(!bench.safety.may_light());
+    }
+    bench.run(0.04, well());
+    assert_eq!((bench.safety.state(), bench.safety.may_light()), (State::Locked, true));
+    bench.run(2.9, vague);
+    assert_eq!((bench.safety.state(), bench.safety.may_light()), (State::Locked, false));
+    bench.run(0.2, vague);
+    assert_eq!(bench.safety.state(), State::Acquire);
+}
+
+#[test]
+fn a_model_of_no_motor_never_locks() {
+    let mut bench = Bench::new();
+    bench.safety.command(bench.now, Command::Start, true);
+    bench.run(1.0, Conditions { model_impossible: true, ..well() });
+    assert_eq!(bench.safety.state(), State::Acquire);
+}
+
+#[test]
 fn faults_have_their_causes() {
     let fault_of = |seconds, conditions| {
         let mut bench = Bench::locked();
@@ -156,6 +183,7 @@ fn conditions() -> impl Strategy<Value = Conditions> {
         turns_since_index: figures.2,
         clock_known,
         frames_missing: figures.3,
+        model_impossible: false,
         tracking,
         error_slices: figures.4,
         rate_slices_s: figures.4 * 10.0,

@@ -62,6 +62,11 @@ impl Trajectory {
         Self::glide_lasting(error, rate, ((from_rate + root) / (2.0 * limit)).clamp(0.02, 20.0))
     }
 
+    /// A smooth way from (`error`, `rate`) to zero in `duration_s`, several turns long if `error` is; its rate peaks at 1.875 of the mean.
+    pub fn excursion(error: f32, rate: f32, duration_s: f32) -> Self {
+        Self::glide_lasting(error, rate, duration_s.clamp(0.02, 20.0))
+    }
+
     fn glide_lasting(error: f32, rate: f32, duration_s: f32) -> Self {
         // p(0) = error, p'(0) = rate, p''(0) = 0; p, p', p'' are 0 at the end.
         let slope = rate * duration_s;

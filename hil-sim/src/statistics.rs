@@ -80,6 +80,7 @@ pub struct Collector {
     dark: u64,
     recoveries: Vec<Recovery>,
     last_outside_s: f64,
+    stopped: bool,
     states: Vec<(f64, State)>,
     faults: Vec<(f64, Fault)>,
 }
@@ -98,6 +99,7 @@ impl Default for Collector {
             dark: 0,
             recoveries: Vec::new(),
             last_outside_s: 0.0,
+            stopped: false,
             states: vec![(0.0, State::Idle)],
             faults: Vec::new(),
         }
@@ -147,6 +149,13 @@ impl Collector {
             self.recoveries.push(Recovery { cause, at_s, settled_s: None, torque_limited_s, peak_slices: 0.0 });
         }
         self.last_outside_s = at_s;
+        self.stopped = false;
+    }
+
+    /// The host stopped the mirror at `at_s`: what it leaves from then on it leaves on purpose.
+    pub fn stopped(&mut self, at_s: f64) {
+        self.settle(at_s);
+        self.stopped = true;
     }
 
     /// The controller changed its state or reported a fault.
@@ -186,7 +195,7 @@ impl Collector {
     }
 
     fn settle(&mut self, now_s: f64) {
-        if let Some(recovery) = self.recoveries.last_mut() {
+        if let (false, Some(recovery)) = (self.stopped, self.recoveries.last_mut()) {
             // A mirror that slides through the right place is not in step: it must have been there for a while.
             let stays = now_s - self.last_outside_s > 0.02;
             recovery.settled_s = stays.then_some(self.last_outside_s - recovery.at_s);
@@ -229,5 +238,28 @@ mod tests {
         assert!((summary.p99_slices - 0.0105).abs() < 1e-9);
         assert!((summary.locked_seconds - 0.4).abs() < 1e-9);
         assert_eq!(summary.states.len(), 3);
+    }
+
+    #[test]
+    fn a_stop_closes_the_recovery_and_a_start_opens_another() {
+        let mut collector = Collector::default();
+        let play = |from_ms: u32, to_ms: u32, error: f64, collector: &mut Collector| {
+            for ms in from_ms..to_ms {
+                collector.plane(f64::from(ms) * 1e-3, error, 1e6, State::Locked, true);
+            }
+        };
+        collector.disturbed("start".to_owned(), 0.0, 1.0);
+        play(0, 500, 1.0, &mut collector);
+        play(500, 1_000, 0.01, &mut collector);
+        collector.stopped(1.0);
+        play(1_000, 2_000, 3.0, &mut collector);
+        assert_eq!(collector.summary(2.0, Verdict::default()).recoveries[0].settled_s, Some(0.499));
+        collector.disturbed("start".to_owned(), 2.0, 1.0);
+        play(2_000, 2_100, 3.0, &mut collector);
+        collector.stopped(2.1);
+        play(2_100, 3_000, 0.0, &mut collector);
+        let recoveries = collector.summary(3.0, Verdict::default()).recoveries;
+        let settled: Vec<_> = recoveries.iter().map(|recovery| recovery.settled_s).collect();
+        assert_eq!(settled, [Some(0.499), None]);
     }
 }

@@ -15,7 +15,7 @@ use firmware::config::ConfigError;
 use firmware::controller::{Controller, Estimates, Input, Output};
 use firmware::plane_store::{Plane, TurnHandle};
 use firmware::safety::Levels;
-use protocol::message::{Command, State};
+use protocol::message::State;
 use protocol::timing::{Direction, Rotation};
 use protocol::units::Nanos;
 use std::collections::VecDeque;
@@ -175,14 +175,6 @@ impl World {
             flashes: VecDeque::new(),
             samples: Vec::new(),
         }
-    }
-
-    /// The host commands something now.
-    pub fn command(&mut self, command: Command) {
-        if command == Command::Start {
-            self.disturbed("start");
-        }
-        self.feed(self.now, Input::Command(command));
     }
 
     /// The host has filled the slot `turn`.

@@ -7,6 +7,16 @@ use firmware::safety::Levels;
 use protocol::message::Command;
 
 impl World {
+    /// The host commands something now.
+    pub fn command(&mut self, command: Command) {
+        match command {
+            Command::Start => self.disturbed("start"),
+            Command::Stop => self.collector.stopped(self.now * 1e-9),
+            _ => {}
+        }
+        self.feed(self.now, Input::Command(command));
+    }
+
     pub(super) fn act(&mut self, action: Action) {
         let later = |seconds: f64| self.now + seconds * 1e9;
         match action {

@@ -1,6 +1,6 @@
 use super::*;
 use crate::scenario::PlantScale;
-use protocol::message::Fault;
+use protocol::message::{Command, Fault};
 use protocol::units::Turns;
 
 fn rotation(slices: u32, refresh_hz: u64, direction: Direction) -> Rotation {
@@ -90,11 +90,11 @@ fn other_divisions_of_a_turn_lock_as_well() {
     }
 }
 
-/// At four turns a second a spin-up is too short to tell eccentricity from imbalance, and slices are a twelfth of a degree: the
-/// controller must know that it does not know.
+/// At 1.4 turns a second cogging alone moves the mirror by a tenth of a slice, and counts are two slices wide: the controller must know that
+/// it does not know.
 #[test]
 fn what_the_sensors_cannot_resolve_stays_dark() {
-    let world = run_rig(&rotation(4_080, 720, Direction::Clockwise), &Scenario::default(), 3, 16.0);
+    let world = run_rig(&rotation(4_080, 240, Direction::Clockwise), &Scenario::default(), 3, 16.0);
     assert_eq!(world.fault(), Some(Fault::LockTimeout));
     assert_eq!(world.statistics().verdict.lit, 0);
 }
@@ -248,6 +248,8 @@ fn a_stop_is_dark_and_without_torque() {
     let speed = world.true_speed();
     play(&mut world, 1.0);
     assert!(world.true_speed() < speed - 10.0);
+    // The start came to its end before the stop.
+    assert!(world.statistics().recoveries[0].ratio().unwrap() < 1.15);
     assert!(world.statistics().verdict.is_clean());
     // A start while it still turns.
     world.command(Command::Start);

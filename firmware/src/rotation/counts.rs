@@ -23,7 +23,7 @@ impl RotationEstimator {
         let count_start = self.count_start();
         let within = radians_between(count_start, seen);
         let half = 0.5 * self.count_rad;
-        let total = variance + self.noise.edge_variance;
+        let total = variance + self.noise.edge_variance + self.shaking_variance;
         let sigma = libm::sqrtf(total);
         let outside = (within - half).abs() - half;
         if outside > GATE_SIGMAS * sigma && outside > 0.25 * self.count_rad {
@@ -39,7 +39,7 @@ impl RotationEstimator {
                 // Just after a slow count the mirror is near the edge that it passed, not in the middle between two.
                 let passed = half.min(0.5 * self.speed.abs() * seconds);
                 let place = if self.speed < 0.0 { self.count_rad - passed } else { passed };
-                let total = variance + self.noise.count_variance;
+                let total = variance + self.noise.count_variance + self.shaking_variance;
                 self.correct(&gain, (place - within) / total, 1.0 / total);
             }
             return;

@@ -8,10 +8,22 @@ use crate::angle::{advanced, sin_cos};
 use crate::covariance::Covariance;
 use protocol::units::Turns;
 
+/// What may be expected of any motor: ripple as a share of the torque given, cogging as a share of the most, and their periods a turn.
+const RIPPLE_SHARE: f32 = 0.04;
+const RIPPLE_PER_TURN: f32 = 6.0;
+const COGGING_SHARE: f32 = 0.025;
+const COGGING_PER_TURN: f32 = 12.0;
+
 impl RotationEstimator {
     /// Acceleration per torque, 1 / (kg m²).
     pub fn acceleration_per_torque(&self) -> f32 {
         self.nominal_yield * self.relative_yield
+    }
+
+    /// Whether what was learnt is true of no motor: friction that drives by more than 2 % of the torque there is, or a drag at the end of its
+    /// scale. A motor with half the torque that was named is first explained so; light was then half a slice off.
+    pub fn model_is_impossible(&self) -> bool {
+        self.brake < -0.02 * self.strength || !(-0.5..=4.5).contains(&self.relative_drag)
     }
 
     /// The torque that keeps acceleration at `acceleration` rad/s² while turning at `speed` rad/s at angle `angle`, N m: friction and
@@ -32,6 +44,7 @@ impl RotationEstimator {
 
     pub(super) fn predict(&mut self, seconds: f32, torque_nm: f32) {
         let speed = self.speed;
+        self.shake(seconds, torque_nm);
         self.torque_nm = torque_nm;
         let nominal_drag_nm = (self.viscous + self.drag * speed.abs()) * speed;
         let per_yield = self.nominal_yield * (torque_nm - self.relative_drag * nominal_drag_nm);
@@ -62,6 +75,22 @@ impl RotationEstimator {
         }
         self.covariance.shear(ANGLE, [(SPEED, seconds)]);
         self.drift(seconds);
+    }
+
+    /// How far ripple and cogging move the mirror back and forth about the motion that is modelled: by their acceleration over their
+    /// frequency squared. To the counts that is noise, and the same for a radian of it, so that its variance counts that many times.
+    fn shake(&mut self, seconds: f32, torque_nm: f32) {
+        let speed = self.speed.abs().max(1.0);
+        let ripple = speed * RIPPLE_PER_TURN;
+        let cogging = speed * COGGING_PER_TURN;
+        let per_nm = RIPPLE_SHARE * self.acceleration_per_torque();
+        let from_ripple = per_nm * torque_nm.abs() / (ripple * ripple);
+        let from_cogging = COGGING_SHARE * self.strength / (cogging * cogging);
+        self.shaking_rad = from_ripple + from_cogging;
+        self.shaking_variance = self.shaking_rad * self.shaking_rad * (1.0 / (ripple * seconds.max(1e-5))).max(1.0);
+        // A torque that changes in the middle of a ripple leaves a change of speed behind.
+        let kick = per_nm * (torque_nm - self.torque_nm) / ripple;
+        self.covariance.widen(SPEED, kick * kick);
     }
 
     /// What the model leaves out, as random walks; torques in proportion to what the motor can do.
