@@ -188,8 +188,7 @@ impl Scenario {
 
     /// Reads and checks a scenario file. Events come out in order of time.
     pub fn from_toml(text: &str) -> Result<Self, ScenarioError> {
-        let mut scenario: Self =
-            toml::from_str(text).map_err(|error| ScenarioError::Syntax(toml_problem(text, &error)))?;
+        let mut scenario: Self = toml::from_str(text).map_err(|error| ScenarioError::Syntax(problem(text, &error)))?;
         let scale = Range { least: 0.01, most: 100.0 };
         scale.check("plant.inertia", scenario.plant.inertia)?;
         scale.check("plant.friction", scenario.plant.friction)?;
@@ -205,6 +204,16 @@ impl Scenario {
         self.events.push(Event { at_s, action });
         self.events.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
         self
+    }
+}
+
+/// The parser's words, with how an action that has figures is written where they were left out.
+fn problem(text: &str, error: &toml::de::Error) -> String {
+    let problem = toml_problem(text, error);
+    if problem.contains("struct variant") {
+        format!("{problem}: an action with figures is written as in do = {{ no-frame-pulses = {{ seconds = 1.0 }} }}")
+    } else {
+        problem
     }
 }
 
@@ -274,6 +283,7 @@ mod tests {
                 "name = 'x'\nevent = [{ at_s = 1, do = { projector-rate = { hz = 0.0 } } }]",
                 "event[0].do.projector-rate.hz = 0",
             ),
+            ("name = 'x'\n[[event]]\nat_s = 1\ndo = 'load'", "do = { no-frame-pulses = { seconds = 1.0 } }"),
             ("name = 'x'\nplant = { inertia = 0.0 }", "plant.inertia = 0"),
         ] {
             let message = Scenario::from_toml(text).unwrap_err().to_string();
