@@ -247,7 +247,7 @@ mod tests {
         let place = root.path().join("a/b");
         drop(Folder::begin(&place).unwrap());
         assert!(!place.exists());
-        for text in ["one", "two"] {
+        for text in [r#"{"program": "praxi", "turn": 1}"#, r#"{"program": "praxi", "turn": 2}"#] {
             let folder = Folder::begin(&place).unwrap();
             folder.write("report.json", text.as_bytes()).unwrap();
             folder.finish().unwrap();
