@@ -101,4 +101,50 @@ proptest! {
             prop_assert!(pixel.is_finite() && pixel.min_element() >= 0.0 && pixel.max_element() < 768.0);
         }
     }
+
+    #[test]
+    fn any_possible_rig_agrees_with_its_inverse(
+        tilt in 1.0f64..89.0, offset in -0.05f64..0.05, azimuth in -180.0f64..180.0, phase in -360.0f64..360.0,
+        position in prop::array::uniform3(-0.5f64..0.5), height in 0.2f64..2.0, focal in 100.0f64..8000.0,
+        radial in prop::array::uniform2(-0.5f64..0.5), distance in 0.2f64..1e4, viewer_height in -2.0f64..5.0,
+        clockwise: bool, infinite: bool, cone: bool, slice in 0u32..288,
+        point in prop::array::uniform3(-0.1f64..0.1),
+    ) {
+        let viewing = if infinite {
+            format!("elevation_deg = {:?}", viewer_height * 10.0)
+        } else {
+            format!("distance_m = {distance:?}\nheight_m = {viewer_height:?}")
+        };
+        let text = REFERENCE
+            .replace("distance_m = 0.9", "")
+            .replace("height_m = 0.35", &viewing)
+            .replace("tilt_deg = 45.0", &format!("tilt_deg = {tilt:?}"))
+            .replace("offset_m = 0.0 ", &format!("offset_m = {offset:?} "))
+            .replace("azimuth_deg = 0.0", &format!("azimuth_deg = {azimuth:?}"))
+            .replace("phase_offset_deg = 0.0", &format!("phase_offset_deg = {phase:?}"))
+            .replace("[0.0, 0.6, 0.0]", &format!("[{:?}, {height:?}, {:?}]", position[0], position[2]))
+            .replace("focal_px = 3072.0", &format!("focal_px = {focal:?}\nradial = {radial:?}"))
+            .replace("\"counter-clockwise\"", if clockwise { "\"clockwise\"" } else { "\"counter-clockwise\"" });
+        // A rig may be impossible; then it is refused, which is an answer too.
+        let Ok(rig) = Rig::parse(&text) else { return Ok(()) };
+        let model = if cone { Model::Cone } else { Model::Planar };
+        let optics = SliceOptics::new(&rig, 0, rig.slice_angle(slice), model);
+        let point = DVec3::from_array(point);
+        let projected = optics.project(point);
+        if projected.visibility != Visibility::Visible {
+            return Ok(());
+        }
+        let pixel = projected.pixel.unwrap();
+        prop_assert!(pixel.is_finite() && projected.depth_m.unwrap().is_finite());
+        let mirror = projected.mirror.unwrap();
+        let back = optics.mirror_of(pixel).unwrap();
+        prop_assert!(back.distance(mirror) < 1e-7 * (1.0 + mirror.length()), "{back} {mirror}");
+        if cone {
+            let viewer = projected.viewer.unwrap();
+            let outward = viewer.direction_from(mirror).normalize();
+            let inward = (mirror - rig.camera().position).normalize();
+            let across = rig.mirror.face[0].frame(rig.slice_angle(slice)).across;
+            prop_assert!((outward - inward).dot(across).abs() < 1e-8, "{}", (outward - inward).dot(across));
+        }
+    }
 }
