@@ -22,6 +22,8 @@ pub struct Simulator {
     scenario: Scenario,
     seed: u64,
     frame_latency: Nanos,
+    /// Whether the controller took the rotation that the host configured last.
+    in_step_with_host: bool,
     on_screen: Option<TurnHandle>,
     turns_shown: u32,
     report_at: Nanos,
@@ -39,6 +41,7 @@ impl Simulator {
             scenario,
             seed,
             frame_latency,
+            in_step_with_host: true,
             on_screen: None,
             turns_shown: 0,
             report_at: Nanos::ZERO,
@@ -76,19 +79,36 @@ impl Simulator {
             match input {
                 Input::Configured(rotation, _) => self.configure(&rotation),
                 Input::Command(command) => self.world.command(command),
-                Input::TurnReady(turn) => self.world.turn_ready(turn),
+                Input::TurnReady(turn) => self.turn_ready(turn),
             }
         }
         self.release();
     }
 
-    /// Another rotation restarts the controller, and the world with it. One that the controller refuses changes nothing: planes
-    /// for it arrive and stay dark.
+    /// Another rotation restarts the controller, and the world with it. One that the controller refuses leaves both as they are,
+    /// and turns for it stay dark: [`Simulator::turn_ready`].
     fn configure(&mut self, rotation: &Rotation) {
-        if *rotation != *self.world.rotation()
-            && let Ok(world) = World::new(rotation, self.frame_latency, &self.motor, &self.scenario, self.seed)
-        {
-            self.world = world;
+        self.in_step_with_host = true;
+        if *rotation == *self.world.rotation() {
+            return;
+        }
+        match World::new(rotation, self.frame_latency, &self.motor, &self.scenario, self.seed) {
+            Ok(world) => {
+                self.world = world;
+                self.on_screen = None;
+                // The new world's time begins at 0: reports must not wait for the old one's.
+                self.report_at = Nanos::ZERO;
+            }
+            Err(_) => self.in_step_with_host = false,
+        }
+    }
+
+    /// A turn that was cut for another rotation than the controller's is given back unseen.
+    fn turn_ready(&mut self, turn: TurnHandle) {
+        if self.in_step_with_host {
+            self.world.turn_ready(turn);
+        } else {
+            self.device.release(turn);
         }
     }
 
@@ -134,5 +154,49 @@ impl Endpoint for Simulator {
     fn advance(&mut self, seconds: f64) {
         self.world.advance(seconds);
         self.release();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use protocol::message::{Command, State};
+    use protocol::timing::Direction;
+    use protocol::units::Turns;
+
+    const RIG: &str = include_str!("../../host/rigs/reference.toml");
+
+    fn rotation(refresh_hz: u64) -> Rotation {
+        Rotation::new(288, 24, refresh_hz * 1_000_000, Turns::ZERO, Direction::CounterClockwise).unwrap()
+    }
+
+    /// Configured for `refresh_hz`, given a turn, and started: how many planes were lit.
+    fn lit(refresh_hz: u64) -> u64 {
+        let scenario = Scenario { events: Vec::new(), ..Scenario::default() };
+        let mut simulator = Simulator::new(&Rig::parse(RIG).unwrap(), Motor::reference(), scenario, 1).unwrap();
+        simulator.advance(1.0);
+        simulator.configure(&rotation(refresh_hz));
+        simulator.turn_ready(TurnHandle(0));
+        simulator.world.command(Command::Start);
+        simulator.advance(4.0);
+        assert_eq!(simulator.world.state(), State::Locked);
+        simulator.world.statistics().verdict.lit
+    }
+
+    #[test]
+    fn a_turn_for_a_rotation_that_the_controller_refuses_stays_dark() {
+        assert!(lit(240) > 5_000 && lit(180) > 5_000);
+        // 4000 control ticks a second cannot arm 3000 frames.
+        assert_eq!(lit(3_000), 0);
+    }
+
+    #[test]
+    fn another_rotation_is_reported_at_once() {
+        let mut simulator =
+            Simulator::new(&Rig::parse(RIG).unwrap(), Motor::reference(), Scenario::default(), 1).unwrap();
+        simulator.advance(1.0);
+        simulator.transmit();
+        simulator.configure(&rotation(180));
+        assert!(simulator.world.now() >= simulator.report_at);
     }
 }

@@ -1,6 +1,8 @@
 //! Pictures in linear light, as PNG files: 8-bit sRGB for people, 16-bit linear luminance for measuring.
 
 use crate::input::{self, PICTURE_BYTES_MAX};
+use crate::scene::{linear_from_srgb, luminance};
+use glam::Vec3;
 use image::{DynamicImage, ImageBuffer, ImageFormat, LumaA, Rgba};
 use std::io::Cursor;
 use std::path::Path;
@@ -39,10 +41,7 @@ impl Picture {
 
     /// Linear Rec. 709 luminance.
     pub fn luminance(&self) -> Vec<f32> {
-        self.colours
-            .iter()
-            .map(|[r, g, b]| if r == g && g == b { *r } else { 0.2126 * r + 0.7152 * g + 0.0722 * b })
-            .collect()
+        self.colours.iter().map(|colour| luminance(Vec3::from_array(*colour))).collect()
     }
 
     /// Share of pixels of which a file keeps less light than there is: some channel is brighter than white.
@@ -90,7 +89,7 @@ impl Picture {
         let pixels = picture.into_rgba16();
         let light = |value: u16| {
             let value = f32::from(value) / 65535.0;
-            if linear { value } else { light_of_srgb(value) }
+            if linear { value } else { linear_from_srgb(value) }
         };
         let colours = pixels.pixels().map(|Rgba([r, g, b, _])| [*r, *g, *b].map(light)).collect();
         let known = pixels.pixels().map(|pixel| pixel[3] > u16::MAX / 2).collect();
@@ -118,11 +117,6 @@ pub fn srgb_byte(light: f32) -> u8 {
     let light = light.clamp(0.0, 1.0);
     let value = if light <= 0.003_130_8 { light * 12.92 } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 };
     (value * 255.0 + 0.5) as u8
-}
-
-/// sRGB, 0 … 1, to linear light.
-fn light_of_srgb(value: f32) -> f32 {
-    if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use host::render::plan::{Halftone, Model, Plan};
 use host::render::truth::Caster;
-use host::scene::{ShadedScene, ShadedTriangle};
+use host::scene::{ShadedScene, ShadedTriangle, luminance};
 use host::seen::{Brightness, View, see};
 use protocol::rig::Rig;
 use shaders::project::{SliceOptics, Viewer};
@@ -123,10 +123,7 @@ fn a_white_scene_is_flat() {
 
 /// The luminances of white by each set of faces.
 fn levels(rig: &Rig) -> Vec<f64> {
-    let [a, b] = [0, 1].map(|face| {
-        let [r, g, b] = rig.filter_colour(face);
-        0.2126 * r + 0.7152 * g + 0.0722 * b
-    });
+    let [a, b] = [0, 1].map(|face| f64::from(luminance(DVec3::from_array(rig.filter_colour(face)).as_vec3())));
     vec![a, b, a + b]
 }
 

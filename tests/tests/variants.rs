@@ -4,6 +4,7 @@ use glam::DVec3;
 use host::render::plan::{Halftone, Plan};
 use host::render::truth::{Caster, Pinhole};
 use host::rendered;
+use host::scene::luminance;
 use host::seen::{Brightness, View, see};
 use protocol::rig::Rig;
 use tests::{builtin, turn};
@@ -95,13 +96,9 @@ fn a_calibrated_matrix_shows_what_the_pose_shows() {
 fn both_faces_of_a_tent_show_the_scene() {
     // White is the sum of the filters' luminances there.
     let rig = Rig::parse(TENT).unwrap();
-    let white: f64 = (0..2)
-        .map(|face| {
-            let [r, g, b] = rig.filter_colour(face);
-            0.2126 * r + 0.7152 * g + 0.0722 * b
-        })
-        .sum();
-    let psnr = psnr(&rig, Halftone::Grey, [0.7, 0.9, 0.35], 1.0 / white as f32);
+    let of_face = |face| luminance(DVec3::from_array(rig.filter_colour(face)).as_vec3());
+    let white: f32 = (0..2).map(of_face).sum();
+    let psnr = psnr(&rig, Halftone::Grey, [0.7, 0.9, 0.35], 1.0 / white);
     assert!(psnr > 36.0, "{psnr}");
 }
 

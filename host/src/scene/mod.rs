@@ -38,7 +38,7 @@ use glam::{DVec3, Vec2, Vec3};
 
 pub use error::{Fault, SceneError};
 pub use shade::{ShadedScene, ShadedTriangle, Shading, lambert, light, luminance, shade};
-pub use texture::{Texture, Wrap};
+pub use texture::{Texture, Wrap, linear_from_srgb};
 
 /// The name that means [`Scene::builtin`] where a path to a file is asked for.
 pub const BUILTIN: &str = "builtin";

@@ -36,7 +36,7 @@ static LINEAR_FROM_SRGB8: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|i| linear_from_srgb(i as f32 / 255.0)));
 
 /// The sRGB curve (IEC 61966-2-1), 0 to 1, to linear light.
-pub(super) fn linear_from_srgb(value: f32) -> f32 {
+pub fn linear_from_srgb(value: f32) -> f32 {
     if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
 }
 

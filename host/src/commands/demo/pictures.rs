@@ -8,7 +8,7 @@ use crate::output::Folder;
 use crate::picture::Picture;
 use crate::render::truth::{Caster, Pinhole};
 use crate::render::turn::Turn;
-use crate::scene::ShadedScene;
+use crate::scene::{ShadedScene, luminance};
 use crate::seen::{self, Brightness, View};
 use crate::sheet::{Panel, Tile, animation, plot, sheet};
 use crate::volume::display_radius_m;
@@ -79,9 +79,8 @@ pub(super) fn write(
 
 /// What makes white of white: the light of several faces adds, each through its filter.
 fn white_gain(rig: &Rig) -> f32 {
-    let luminance = |[r, g, b]: [f64; 3]| 0.2126 * r + 0.7152 * g + 0.0722 * b;
-    let white: f64 = (0..rig.mirror.face.len()).map(|face| luminance(rig.filter_colour(face))).sum();
-    1.0 / white as f32
+    let of_face = |face| luminance(DVec3::from_array(rig.filter_colour(face)).as_vec3());
+    1.0 / (0..rig.mirror.face.len()).map(of_face).sum::<f32>()
 }
 
 /// A row of what the eye sees above a row of what a pinhole sees, from three places; by the measure.
