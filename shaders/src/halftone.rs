@@ -14,23 +14,43 @@ pub enum Halftone {
     FloydSteinberg,
 }
 
+/// The slot in time and space that a slice fills, for the methods that mind.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Slot {
+    /// The slice within its turn.
+    pub slice: u32,
+    /// The turn: patterns that alternate do so by its parity.
+    pub turn: u32,
+    /// How far an eye blurs this slice.
+    pub blur: Blur,
+}
+
+/// The covariance in px² of the Gaussian with which an eye blurs a slice: uu, uv, vv, on the projector's image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Blur(pub [f32; 3]);
+
+impl Blur {
+    /// σ = 1.5 px in every direction.
+    pub const ROUND: Self = Self([2.25, 0.0, 2.25]);
+}
+
 /// Bytes in a row of a plane `width` pixels wide: pixel x is bit x mod 8 of byte x div 8.
 pub const fn plane_stride(width: u32) -> usize {
     width.div_ceil(8) as usize
 }
 
-/// Halftones slice `slice`. `luminance`: `width` columns, row major, linear, 0 … 1 (beyond it saturates); `plane`: as many rows
+/// Halftones the slice of `slot`. `luminance`: `width` columns, row major, linear, 0 … 1 (beyond it saturates); `plane`: as many rows
 /// of [`plane_stride`] bytes. A pixel of luminance 0 stays dark, one of 1 is lit.
-pub fn halftone(method: Halftone, slice: u32, width: u32, luminance: &[f32], plane: &mut [u8]) {
+pub fn halftone(method: Halftone, slot: Slot, width: u32, luminance: &[f32], plane: &mut [u8]) {
     match method {
         Halftone::Bayer => by_mask(width, luminance, plane, bayer_threshold),
         Halftone::BlueNoise => {
-            let mask = shifted_blue_noise(slice);
+            let mask = shifted_blue_noise(slot.slice);
             by_mask(width, luminance, plane, |x, y| {
                 mask[(y as usize % BLUE_SIDE) * BLUE_SIDE + x as usize % BLUE_SIDE]
             });
         }
-        Halftone::FloydSteinberg => floyd_steinberg(slice, width, luminance, plane),
+        Halftone::FloydSteinberg => floyd_steinberg(slot.slice, width, luminance, plane),
     }
 }
 
@@ -201,7 +221,7 @@ mod tests {
 
     fn plane(method: Halftone, slice: u32, width: u32, luminance: &[f32]) -> Vec<u8> {
         let mut plane = vec![0xAA; plane_stride(width) * (luminance.len() / width as usize)];
-        halftone(method, slice, width, luminance, &mut plane);
+        halftone(method, Slot { slice, turn: 0, blur: Blur::ROUND }, width, luminance, &mut plane);
         plane
     }
 

@@ -3,6 +3,8 @@
 //! Source: Jones et al., columns 5–6 of the patent, for the planar fan; the cone of a horizontal strip of the diffuser,
 //! `o·e = i·e`, in place of its vertical plane. World metres, double precision.
 
+pub mod methods;
+
 use core::f64::consts::{PI, TAU};
 use glam::{DVec2, DVec3};
 use protocol::rig::{Camera, Frame, Rig, Viewers};

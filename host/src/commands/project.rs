@@ -1,11 +1,10 @@
 //! `praxi project`: one scene point in one slice.
 
 use super::{Failure, say, say_json};
-use crate::render::plan::Model;
 use crate::rigs;
 use glam::DVec3;
 use serde_json::json;
-use shaders::project::{SliceOptics, Viewer, Visibility};
+use shaders::project::{Model, SliceOptics, Viewer, Visibility};
 
 /// Project a scene point: its viewer, its pixel, its depth, and whether or why not it is visible
 ///
@@ -21,7 +20,7 @@ pub(super) struct Args {
     rig: String,
     /// How the diffuser is modelled
     #[arg(long, value_enum, default_value = "cone")]
-    model: Model,
+    model: ModelArg,
     /// The slice, from 0
     #[arg(long)]
     slice: u32,
@@ -37,6 +36,24 @@ pub(super) struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
+}
+
+/// How the diffuser is modelled.
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum ModelArg {
+    /// Light leaves in vertical planes: the patent's approximation
+    Planar,
+    /// Light leaves in cones, as a horizontal diffuser has it
+    Cone,
+}
+
+impl From<ModelArg> for Model {
+    fn from(model: ModelArg) -> Self {
+        match model {
+            ModelArg::Planar => Self::Planar,
+            ModelArg::Cone => Self::Cone,
+        }
+    }
 }
 
 pub(super) fn run(args: &Args) -> Result<(), Failure> {

@@ -5,7 +5,7 @@ use super::{Failure, say, say_json};
 use crate::output::Folder;
 use crate::render::Renderer;
 use crate::render::cpu::CpuRenderer;
-use crate::render::plan::{Halftone, Model, Plan};
+use crate::render::plan::{Halftone, Plan, Projection};
 use crate::rendered::{Method, Rotation, SceneNote, write};
 use crate::rigs;
 use serde_json::json;
@@ -23,9 +23,9 @@ pub(super) struct Args {
     /// The folder to write; an earlier result of praxi is replaced
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// How the diffuser is modelled
-    #[arg(long, value_enum, default_value = "cone")]
-    model: Model,
+    /// How V' is found
+    #[arg(long, value_enum, default_value = "cone-newton")]
+    projection: Projection,
     /// How luminance becomes bits
     #[arg(long, value_enum, default_value = "blue-noise")]
     halftone: Halftone,
@@ -39,7 +39,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let (scene, shaded) = args.scene.load()?;
     let folder = Folder::begin(&args.out)?;
     args.scene.warn_of_size(&scene, &rig);
-    let plan = Plan { model: args.model, halftone: args.halftone, ..Plan::default() };
+    let plan = Plan { projection: args.projection, halftone: args.halftone, ..Plan::default() };
     let bar = progress("rendering slices", rig.rotation.slices.into());
     let turn = CpuRenderer.render_turn(&shaded, &rig, &plan, &|| bar.inc(1))?;
     bar.finish_and_clear();
@@ -57,7 +57,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
         say_json(&json!({
             "out": args.out, "rig": rig.name, "slices": rotation.slices, "frames": rotation.frames,
             "pictures": pictures, "triangles": scene.triangles.len(), "lit_share": lit,
-            "model": args.model, "halftone": args.halftone,
+            "projection": args.projection, "halftone": args.halftone,
         }));
     } else {
         let kind = if args.halftone == Halftone::Grey { "grey slices" } else { "frames of 24 slices" };

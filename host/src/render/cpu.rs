@@ -8,7 +8,8 @@ use crate::scene::{ShadedScene, Texture, luminance};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use protocol::rig::Rig;
 use rayon::prelude::*;
-use shaders::halftone::halftone;
+use shaders::halftone::{Blur, Slot, halftone};
+use shaders::project::methods::Method;
 use shaders::project::{SliceOptics, Visibility};
 use std::sync::Arc;
 
@@ -17,31 +18,39 @@ use std::sync::Arc;
 pub struct CpuRenderer;
 
 impl Renderer for CpuRenderer {
-    fn render_turn(
+    fn render_slices(
         &self,
         scene: &ShadedScene,
         rig: &Rig,
         plan: &Plan,
+        slices: &[u32],
         done: &(dyn Fn() + Sync),
     ) -> Result<Turn, RenderError> {
         let (width, height) = (rig.projector.width_px, rig.projector.height_px);
         let depth = if plan.halftone.binary().is_some() { Depth::Binary } else { Depth::Grey };
         let mut turn = Turn::dark(rig.rotation.slices, width, height, depth)?;
-        let mesh = tessellate(scene, rig, plan.model.into(), plan.bow_px)?;
+        let model = Method::from(plan.projection).model();
+        let mesh = tessellate(scene, rig, model, plan.bow_px)?;
         let slice_bytes = turn.slice_bytes();
-        turn.bytes_mut().par_chunks_mut(slice_bytes).enumerate().for_each_init(
+        let wanted = turn.bytes_mut().par_chunks_mut(slice_bytes).enumerate();
+        wanted.filter(|(slice, _)| slices.contains(&(*slice as u32))).for_each_init(
             || Canvas::new(width, height),
             |canvas, (slice, bytes)| {
                 canvas.clear();
                 let theta = rig.slice_angle(slice as u32);
-                let faces: Vec<_> = (0..rig.mirror.face.len())
-                    .map(|face| SliceOptics::new(rig, face, theta, plan.model.into()))
-                    .collect();
+                let faces: Vec<_> =
+                    (0..rig.mirror.face.len()).map(|face| SliceOptics::new(rig, face, theta, model)).collect();
                 for face in 0..faces.len() {
                     canvas.draw(&mesh, &scene.textures, &faces, face);
                 }
                 match plan.halftone.binary() {
-                    Some(method) => halftone(method, slice as u32, width, &canvas.luminance, bytes),
+                    Some(method) => halftone(
+                        method,
+                        Slot { slice: slice as u32, turn: 0, blur: Blur::ROUND },
+                        width,
+                        &canvas.luminance,
+                        bytes,
+                    ),
                     None => to_bytes(&canvas.luminance, bytes),
                 }
                 done();

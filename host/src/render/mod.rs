@@ -30,12 +30,25 @@ pub enum RenderError {
 
 /// A way to render a turn.
 pub trait Renderer {
-    /// Renders `scene` into every slice of a turn by `plan`. `done` is called from any thread after each slice.
+    /// Renders `scene` by `plan` into those slices of a turn that `slices` names; the others stay dark. `done` is called from any
+    /// thread after each slice.
+    fn render_slices(
+        &self,
+        scene: &ShadedScene,
+        rig: &Rig,
+        plan: &Plan,
+        slices: &[u32],
+        done: &(dyn Fn() + Sync),
+    ) -> Result<Turn, RenderError>;
+
+    /// Renders every slice of a turn.
     fn render_turn(
         &self,
         scene: &ShadedScene,
         rig: &Rig,
         plan: &Plan,
         done: &(dyn Fn() + Sync),
-    ) -> Result<Turn, RenderError>;
+    ) -> Result<Turn, RenderError> {
+        self.render_slices(scene, rig, plan, &(0..rig.rotation.slices).collect::<Vec<_>>(), done)
+    }
 }
