@@ -2,6 +2,10 @@
 
 use super::{Failure, warn};
 use crate::picture::Picture;
+use crate::render::cpu::CpuRenderer;
+use crate::render::plan::choose::{Budget, Choice, Fixed, PlanError, choose};
+use crate::render::plan::speed::ms_per_cost;
+use crate::render::plan::{DepthTest, Edges, Halftone, Precision, Projection};
 use crate::render::truth::Pinhole;
 use crate::scene::{Scene, ShadedScene, Shading, shade};
 use crate::seen::View;
@@ -86,6 +90,62 @@ impl SceneArgs {
     }
 }
 
+/// By which methods a turn is rendered: chosen within a budget, or fixed.
+#[derive(clap::Args)]
+pub(super) struct PlanArgs {
+    /// Take the cheapest methods that draw everything within E projector pixels of where it belongs
+    #[arg(long, value_name = "E", value_parser = budget, allow_negative_numbers = true, default_value = "0.5")]
+    pub budget_px: f64,
+    /// Take the most accurate methods that render a turn on this machine in T milliseconds, without the halftone
+    #[arg(long, value_name = "T", value_parser = budget, allow_negative_numbers = true, conflicts_with = "budget_px")]
+    pub budget_ms: Option<f64>,
+    /// Fix how the diffuser's light is followed to its viewer
+    #[arg(long, value_enum)]
+    pub projection: Option<Projection>,
+    /// Fix the precision of projection
+    #[arg(long, value_enum)]
+    pub precision: Option<Precision>,
+    /// Fix how straight edges are brought to the curves that the optics make of them
+    #[arg(long, value_enum)]
+    pub edges: Option<Edges>,
+    /// Fix how depth is compared
+    #[arg(long, value_enum)]
+    pub depth: Option<DepthTest>,
+    /// How luminance becomes bits
+    #[arg(long, value_enum, default_value = "blue-noise")]
+    pub halftone: Halftone,
+}
+
+/// What was chosen, and how a plan's cost becomes milliseconds here.
+pub(super) struct Planned {
+    pub choice: Choice,
+    pub ms_per_cost: f64,
+}
+
+impl PlanArgs {
+    /// Chooses within the budget that was asked for.
+    pub(super) fn choose(&self, scene: &ShadedScene, rig: &Rig) -> Result<Planned, Failure> {
+        let ms_per_cost = ms_per_cost(&CpuRenderer, scene, rig)?;
+        let budget = match self.budget_ms {
+            Some(ms) => Budget::Cost(ms / ms_per_cost),
+            None => Budget::Error(self.budget_px),
+        };
+        let choice = self.with_budget(scene, rig, budget).map_err(|error| match error {
+            PlanError::TooFast { asked, possible, fastest } => {
+                PlanError::TooFast { asked: asked * ms_per_cost, possible: possible * ms_per_cost, fastest }
+            }
+            other => other,
+        })?;
+        Ok(Planned { choice, ms_per_cost })
+    }
+
+    /// Chooses within another budget.
+    pub(super) fn with_budget(&self, scene: &ShadedScene, rig: &Rig, budget: Budget) -> Result<Choice, PlanError> {
+        let Self { projection, precision, edges, depth, .. } = *self;
+        choose(scene, rig, self.halftone, Fixed { projection, precision, edges, depth }, budget)
+    }
+}
+
 /// Where an eye is and what it looks at.
 #[derive(clap::Args)]
 pub(super) struct ViewArgs {
@@ -136,6 +196,12 @@ impl PictureArgs {
     pub(super) fn png(&self, picture: &Picture) -> Vec<u8> {
         if self.linear { picture.linear_png() } else { picture.srgb_png() }
     }
+}
+
+/// A budget.
+fn budget(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "must be a number above 0".to_string())?;
+    if value > 0.0 && value.is_finite() { Ok(value) } else { Err("must be a number above 0".into()) }
 }
 
 /// A length in metres.

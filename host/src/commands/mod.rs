@@ -3,6 +3,7 @@
 mod args;
 mod compare;
 mod demo;
+mod plan;
 mod project;
 mod render;
 mod rig;
@@ -30,6 +31,7 @@ enum Command {
     Demo(demo::Args),
     Render(render::Args),
     See(see::Args),
+    Plan(plan::Args),
     Truth(truth::Args),
     Compare(compare::Args),
     Project(project::Args),
@@ -62,6 +64,7 @@ pub fn main() -> ExitCode {
         Command::Demo(args) => demo::run(&args),
         Command::Render(args) => render::run(&args),
         Command::See(args) => see::run(&args),
+        Command::Plan(args) => plan::run(&args),
         Command::Truth(args) => truth::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Project(args) => project::run(&args),

@@ -1,11 +1,11 @@
 //! `praxi render`: one turn of a scene, as a folder.
 
-use super::args::{SceneArgs, progress};
+use super::args::{PlanArgs, SceneArgs, progress};
 use super::{Failure, say, say_json};
 use crate::output::Folder;
 use crate::render::Renderer;
 use crate::render::cpu::CpuRenderer;
-use crate::render::plan::{Halftone, Plan, Projection};
+use crate::render::plan::Halftone;
 use crate::rendered::{Method, Rotation, SceneNote, write};
 use crate::rigs;
 use serde_json::json;
@@ -23,12 +23,8 @@ pub(super) struct Args {
     /// The folder to write; an earlier result of praxi is replaced
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// How V' is found
-    #[arg(long, value_enum, default_value = "cone-newton")]
-    projection: Projection,
-    /// How luminance becomes bits
-    #[arg(long, value_enum, default_value = "blue-noise")]
-    halftone: Halftone,
+    #[command(flatten)]
+    plan: PlanArgs,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -39,7 +35,8 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let (scene, shaded) = args.scene.load()?;
     let folder = Folder::begin(&args.out)?;
     args.scene.warn_of_size(&scene, &rig);
-    let plan = Plan { projection: args.projection, halftone: args.halftone, ..Plan::default() };
+    let chosen = args.plan.choose(&shaded, &rig)?.choice.chosen;
+    let plan = chosen.plan;
     let bar = progress("rendering slices", rig.rotation.slices.into());
     let turn = CpuRenderer.render_turn(&shaded, &rig, &plan, &|| bar.inc(1))?;
     bar.finish_and_clear();
@@ -47,7 +44,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
         SceneNote { source: args.scene.scene.clone(), triangles: scene.triangles.len(), fit_m: args.scene.fit_m };
     let method = Method { plan, shading: args.scene.shading.name().into(), smooth: args.scene.smooth };
     let rotation = Rotation::new(&rig, note, method);
-    let pictures = if args.halftone == Halftone::Grey { rotation.slices } else { rotation.frames };
+    let pictures = if plan.halftone == Halftone::Grey { rotation.slices } else { rotation.frames };
     let bar = progress("writing pictures", pictures.into());
     write(folder.path(), &turn, &rotation, &|| bar.inc(1))?;
     bar.finish_and_clear();
@@ -57,11 +54,12 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
         say_json(&json!({
             "out": args.out, "rig": rig.name, "slices": rotation.slices, "frames": rotation.frames,
             "pictures": pictures, "triangles": scene.triangles.len(), "lit_share": lit,
-            "projection": args.projection, "halftone": args.halftone,
+            "plan": plan, "error_px": chosen.error_px,
         }));
     } else {
-        let kind = if args.halftone == Halftone::Grey { "grey slices" } else { "frames of 24 slices" };
+        let kind = if plan.halftone == Halftone::Grey { "grey slices" } else { "frames of 24 slices" };
         say(format!("{}: {pictures} {kind}, {:.1} % lit", args.out.display(), lit * 100.0));
+        say(format!("by {plan}: within {:.2} px, {} triangles", chosen.error_px, chosen.triangles));
     }
     Ok(())
 }

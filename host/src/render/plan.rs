@@ -1,6 +1,12 @@
-//! By which methods a turn is rendered.
+//! By which methods a turn is rendered: what there is, what each costs and errs, and the choice of the cheapest that is good enough.
+
+pub mod choose;
+pub mod cost;
+pub mod error;
+pub mod speed;
 
 use clap::ValueEnum;
+use core::fmt::{self, Display, Formatter};
 use serde::{Deserialize, Serialize};
 use shaders::halftone;
 use shaders::project::methods::Method;
@@ -36,6 +42,25 @@ impl Default for Plan {
     }
 }
 
+/// The name of a method as the command line has it.
+fn name(method: impl ValueEnum) -> String {
+    method.to_possible_value().map_or_else(String::new, |value| value.get_name().to_string())
+}
+
+impl Display for Plan {
+    /// What bears on geometry: projection, precision, edges, and exact depth.
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "{}, {}, {}", name(self.projection), name(self.precision), name(self.edges))?;
+        if matches!(self.edges, Edges::Uniform | Edges::Adaptive) {
+            write!(f, " {} px", (self.bow_px * 1e3).round() / 1e3)?;
+        }
+        match (self.edges, self.depth) {
+            (Edges::Discard | Edges::Rays, _) | (_, DepthTest::Linear) => Ok(()),
+            (_, DepthTest::Exact) => write!(f, ", exact depth"),
+        }
+    }
+}
+
 /// How V' is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
@@ -48,6 +73,11 @@ pub enum Projection {
     ConeTable,
     /// The cone by Newton's steps from the planar answer.
     ConeNewton,
+}
+
+impl Projection {
+    /// All there are.
+    pub const ALL: [Self; 4] = [Self::Planar, Self::ConeNewton, Self::ConeTable, Self::ConeRoot];
 }
 
 impl From<Projection> for Method {
@@ -85,6 +115,11 @@ pub enum Edges {
     Discard,
     /// No triangles on the projector: a ray for every pixel.
     Rays,
+}
+
+impl Edges {
+    /// All there are.
+    pub const ALL: [Self; 5] = [Self::Straight, Self::Uniform, Self::Adaptive, Self::Discard, Self::Rays];
 }
 
 /// How depth is compared.

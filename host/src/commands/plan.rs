@@ -1,0 +1,74 @@
+//! `praxi plan`: which methods a turn would be rendered by, and why.
+
+use super::args::{PlanArgs, SceneArgs};
+use super::{Failure, say, say_json};
+use crate::render::plan::choose::{Budget, Candidate, PlanError};
+use crate::rigs;
+use serde_json::json;
+
+/// Choose the methods for a scene on a rig within a budget, and say what others would cost
+#[derive(clap::Args)]
+#[command(after_help = "Example: praxi plan builtin --rig high-viewer --budget-px 0.5")]
+pub(super) struct Args {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// A rig file, or reference, reference-180hz, high-viewer, tent
+    #[arg(long)]
+    rig: String,
+    #[command(flatten)]
+    plan: PlanArgs,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args) -> Result<(), Failure> {
+    let rig = rigs::find(&args.rig)?;
+    let (_, shaded) = args.scene.load()?;
+    let planned = args.plan.choose(&shaded, &rig)?;
+    let (chosen, scale) = (planned.choice.chosen, planned.ms_per_cost);
+    // What half the error costs and what twice the error saves. That nothing reaches half of it is an answer too.
+    let other = |px: f64| match args.plan.with_budget(&shaded, &rig, Budget::Error(px)) {
+        Ok(choice) => Ok(Some(choice.chosen).filter(|other| other.plan != chosen.plan)),
+        Err(PlanError::TooAccurate { .. }) => Ok(None),
+        Err(error) => Err(error),
+    };
+    let (better, cheaper) = (other(chosen.error_px / 2.0)?, other(chosen.error_px * 2.0)?);
+    let cheaper = cheaper.filter(|cheaper| cheaper.cost_ms < chosen.cost_ms);
+    if args.json {
+        say_json(&json!({
+            "scene": args.scene.scene, "rig": rig.name, "ms_per_cost": scale, "chosen": chosen,
+            "next_better": better, "next_cheaper": cheaper, "weighed": planned.choice.candidates,
+        }));
+        return Ok(());
+    }
+    say(format!("{} on {}: {}", args.scene.scene, rig.name, chosen.plan));
+    say(format!("{:<44} {:>9} {:>8} {:>7} {:>9}", "plan", "error, px", "arc min", "ms", "triangles"));
+    for candidate in &planned.choice.candidates {
+        let mark = if candidate.plan == chosen.plan { '>' } else { ' ' };
+        say(format!("{mark}{}", line(candidate, scale)));
+    }
+    let versus = |what: &str, other: Option<Candidate>| match other {
+        Some(other) => format!(
+            "next {what}: {} with {:.3} px for {:.2} x the time",
+            other.plan,
+            other.error_px,
+            other.cost_ms / chosen.cost_ms
+        ),
+        None => format!("next {what}: none"),
+    };
+    say(versus("better", better));
+    say(versus("cheaper", cheaper));
+    Ok(())
+}
+
+fn line(candidate: &Candidate, scale: f64) -> String {
+    format!(
+        "{:<43} {:>9.4} {:>8.3} {:>7.0} {:>9}",
+        candidate.plan.to_string(),
+        candidate.error_px,
+        candidate.error_arcmin,
+        candidate.cost_ms * scale,
+        candidate.triangles
+    )
+}

@@ -1,0 +1,286 @@
+//! The cheapest plan whose predicted error is within a budget, or the most accurate one within a time.
+
+use super::cost::{Work, turn_ns, vertex_ns};
+use super::error::geometric_error;
+use super::{DepthTest, Edges, Halftone, Plan, Precision, Projection};
+use crate::render::RenderError;
+use crate::render::tessellate::{Mesh, mesh};
+use crate::scene::ShadedScene;
+use glam::DVec2;
+use protocol::rig::Rig;
+use serde::Serialize;
+use shaders::project::{Model, SliceOptics};
+use thiserror::Error;
+
+/// A plan and what is expected of it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Candidate {
+    /// The methods.
+    pub plan: Plan,
+    /// The largest distance on the projector's image between drawn and exact, in pixels: what was seen on a sample, with a reserve.
+    pub error_px: f64,
+    /// The same as an eye sees it, in minutes of arc.
+    pub error_arcmin: f64,
+    /// By how much interpolated depth errs at most, in metres. [`DepthTest::Exact`] mends it where surfaces come close.
+    pub depth_m: f64,
+    /// Time of one core for a turn on the machine whose prices [`turn_ns`] has, in milliseconds, without halftone.
+    pub cost_ms: f64,
+    /// Triangles a slice.
+    pub triangles: usize,
+}
+
+/// What is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Budget {
+    /// The cheapest plan that errs by no more than this many projector pixels.
+    Error(f64),
+    /// The most accurate plan that costs no more than this many milliseconds, as [`Candidate::cost_ms`] counts them.
+    Cost(f64),
+}
+
+/// Why there is no plan.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum PlanError {
+    /// No slice shows anything of the scene.
+    #[error(
+        "nothing of the scene is visible on rig {0}: bring it to the origin and to the display's size with --fit-m"
+    )]
+    NothingVisible(String),
+    /// The budget is below what the most accurate plan reaches.
+    #[error(
+        "--budget-px {asked}: the most accurate plan for this scene and rig is expected within {reached:.2e} px ({best})"
+    )]
+    TooAccurate {
+        /// What was asked for, px.
+        asked: f64,
+        /// What is possible, px.
+        reached: f64,
+        /// By which methods.
+        best: String,
+    },
+    /// The budget is below what the cheapest plan costs.
+    #[error(
+        "--budget-ms {asked}: the fastest plan for this scene and rig is expected to take {possible:.0} ms ({fastest})"
+    )]
+    TooFast {
+        /// What was asked for, ms.
+        asked: f64,
+        /// What is possible, ms.
+        possible: f64,
+        /// By which methods.
+        fastest: String,
+    },
+    /// The scene cannot be cut.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+}
+
+/// Methods that are fixed beforehand.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Fixed {
+    /// How V' is found.
+    pub projection: Option<Projection>,
+    /// In which precision.
+    pub precision: Option<Precision>,
+    /// How edges are brought to their curves.
+    pub edges: Option<Edges>,
+    /// How depth is compared.
+    pub depth: Option<DepthTest>,
+}
+
+/// Pairs of piece and slice in a prediction's sample; some milliseconds.
+const PAIRS: usize = 3000;
+/// A sample's largest error is below the largest of all by less than this factor: see the test on random rigs.
+const RESERVE: f64 = 1.25;
+/// What rounding vertices to 1/256 pixel adds, in px.
+const SNAP_PX: f64 = 0.003;
+/// How far the pieces of [`Edges::Discard`] may bow, px: coarser ones are not dearer by the pixel, finer ones are more.
+const COARSE_PX: f64 = 8.0;
+/// The smallest bow that edges are cut to, px: below it cutting is dearer than the test by pixel.
+const FINE_PX: f64 = 0.01;
+
+/// What `plan`, drawing `mesh`, is expected to cost and to err by. `None` where it would lose parts of the scene, or where the sample
+/// meets nothing visible.
+pub fn predict(mesh: &Mesh, rig: &Rig, plan: &Plan) -> Option<Candidate> {
+    let error = geometric_error(mesh, rig, plan, PAIRS);
+    let snap = if matches!(plan.edges, Edges::Discard | Edges::Rays) { 0.0 } else { SNAP_PX };
+    let reserve = (RESERVE * error.worst_px + snap) / error.worst_px.max(1e-12);
+    (error.points > 0 && error.lost == 0).then(|| Candidate {
+        plan: *plan,
+        error_px: RESERVE * error.worst_px + snap,
+        error_arcmin: error.worst_arcmin * reserve,
+        depth_m: RESERVE * error.worst_depth_m,
+        cost_ms: turn_ns(plan, &Work::of(mesh, rig)) / 1e6,
+        triangles: mesh.triangles.len(),
+    })
+}
+
+/// What was weighed for a budget, the cheapest first; the choice is [`Choice::chosen`].
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Choice {
+    /// The plan to take.
+    pub chosen: Candidate,
+    /// All that was weighed, the cheapest first.
+    pub candidates: Vec<Candidate>,
+}
+
+/// Chooses for `scene` on `rig` among the plans that have what is `fixed`. The choice does not depend on the machine or on chance.
+pub fn choose(
+    scene: &ShadedScene,
+    rig: &Rig,
+    halftone: Halftone,
+    fixed: Fixed,
+    budget: Budget,
+) -> Result<Choice, PlanError> {
+    let chooser = Chooser::new(scene, rig, halftone, fixed)?;
+    match budget {
+        Budget::Error(px) => chooser.cheapest_within(px),
+        Budget::Cost(ms) => chooser.most_accurate_within(ms),
+    }
+}
+
+/// A scene and a rig, and the ways to find V' that are worth weighing for them.
+struct Chooser<'a> {
+    scene: &'a ShadedScene,
+    rig: &'a Rig,
+    halftone: Halftone,
+    fixed: Fixed,
+    straight: Mesh,
+    /// Each with the error of its projection alone, by rays.
+    ways: Vec<Candidate>,
+}
+
+impl<'a> Chooser<'a> {
+    fn new(scene: &'a ShadedScene, rig: &'a Rig, halftone: Halftone, fixed: Fixed) -> Result<Self, PlanError> {
+        let straight = mesh(scene, rig, &Plan { edges: Edges::Straight, ..Plan::default() })?;
+        let ways = Projection::ALL.into_iter().flat_map(|projection| {
+            [Precision::Single, Precision::Double].map(|precision| Plan {
+                projection,
+                precision,
+                edges: Edges::Rays,
+                depth: DepthTest::Exact,
+                halftone,
+                ..Plan::default()
+            })
+        });
+        let ways = ways.filter(|plan| {
+            fixed.projection.is_none_or(|fixed| fixed == plan.projection)
+                && fixed.precision.is_none_or(|fixed| fixed == plan.precision)
+        });
+        let mut ways: Vec<Candidate> = ways.filter_map(|plan| predict(&straight, rig, &plan)).collect();
+        if ways.is_empty() {
+            return Err(PlanError::NothingVisible(rig.name.clone()));
+        }
+        ways.sort_by(|a, b| vertex_ns(&a.plan).total_cmp(&vertex_ns(&b.plan)));
+        let mut best = f64::INFINITY;
+        ways.retain(|way| {
+            let better = way.error_px < 0.95 * best;
+            best = best.min(way.error_px);
+            better
+        });
+        Ok(Self { scene, rig, halftone, fixed, straight, ways })
+    }
+
+    /// Every way, by straight and by cut edges, by the test by pixel and by rays; edges are cut so that all errors together keep
+    /// within `px`.
+    fn candidates(&self, px: f64) -> Result<Vec<Candidate>, PlanError> {
+        let mut candidates = Vec::new();
+        for way in &self.ways {
+            for edges in Edges::ALL {
+                // Cutting to one length costs more than adaptive cutting wherever both will do: only on demand.
+                let weighed = self.fixed.edges.map_or(edges != Edges::Uniform, |fixed| fixed == edges);
+                if weighed {
+                    candidates.extend(self.by_edges(way, edges, px)?);
+                }
+            }
+        }
+        for candidate in &mut candidates {
+            // Where interpolated depth errs by more than the budget's size on the display, crossing surfaces would show it.
+            let shows = candidate.depth_m > px * pitch_m(self.rig);
+            let wanted = if shows { DepthTest::Exact } else { DepthTest::Linear };
+            candidate.plan.depth = self.fixed.depth.unwrap_or(wanted);
+        }
+        candidates.sort_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
+        Ok(candidates)
+    }
+
+    fn by_edges(&self, way: &Candidate, edges: Edges, px: f64) -> Result<Option<Candidate>, PlanError> {
+        let with = |bow_px| Plan { edges, bow_px, depth: DepthTest::Linear, halftone: self.halftone, ..way.plan };
+        let cut = |bow_px| -> Result<Option<Candidate>, PlanError> {
+            let plan = with(bow_px);
+            Ok(predict(&mesh(self.scene, self.rig, &plan)?, self.rig, &plan))
+        };
+        match edges {
+            Edges::Rays => return Ok(Some(*way)),
+            Edges::Straight => return Ok(predict(&self.straight, self.rig, &with(COARSE_PX))),
+            Edges::Discard => return cut(COARSE_PX),
+            Edges::Uniform | Edges::Adaptive => {}
+        }
+        // The errors of projection and bow do not just add, so a second cut uses what the first one left or takes back what it exceeded.
+        let first_px = (px - way.error_px - SNAP_PX) / RESERVE;
+        if first_px < FINE_PX {
+            return Ok(None);
+        }
+        let Some(first) = cut(first_px)? else { return Ok(None) };
+        if (0.8 * px..=px).contains(&first.error_px) {
+            return Ok(Some(first));
+        }
+        let used = (first.error_px - way.error_px).max(0.1 * first_px);
+        let second_px = (first_px * (0.95 * px - way.error_px) / used).clamp(FINE_PX, px);
+        Ok(cut(second_px)?.filter(|second| second.error_px <= px).or(Some(first)))
+    }
+
+    fn cheapest_within(&self, px: f64) -> Result<Choice, PlanError> {
+        let candidates = self.candidates(px)?;
+        let chosen = candidates.iter().find(|candidate| candidate.error_px <= px).copied();
+        let Some(chosen) = chosen else {
+            let best = most_accurate(&candidates).expect("every way is a candidate");
+            return Err(PlanError::TooAccurate { asked: px, reached: best.error_px, best: best.plan.to_string() });
+        };
+        Ok(Choice { chosen, candidates })
+    }
+
+    /// Cost falls as the budget in pixels grows, so that the smallest that can be paid is found by halving.
+    fn most_accurate_within(&self, ms: f64) -> Result<Choice, PlanError> {
+        let budgets: Vec<f64> = (0..14).map(|step| 32.0 / f64::from(1 << step)).collect();
+        let mut candidates = Vec::new();
+        let (mut paid, mut unpaid) = (0, budgets.len());
+        while paid < unpaid {
+            let middle = (paid + unpaid) / 2;
+            let weighed = self.candidates(budgets[middle])?;
+            let cheapest = weighed.iter().find(|candidate| candidate.error_px <= budgets[middle]);
+            match cheapest.is_some_and(|candidate| candidate.cost_ms <= ms) {
+                true => paid = middle + 1,
+                false => unpaid = middle,
+            }
+            candidates.extend(weighed);
+        }
+        candidates.sort_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
+        let within: Vec<Candidate> = candidates.iter().filter(|candidate| candidate.cost_ms <= ms).copied().collect();
+        let Some(chosen) = most_accurate(&within) else {
+            let cheapest = candidates.first().expect("every way is a candidate");
+            return Err(PlanError::TooFast {
+                asked: ms,
+                possible: cheapest.cost_ms,
+                fastest: cheapest.plan.to_string(),
+            });
+        };
+        Ok(Choice { chosen, candidates })
+    }
+}
+
+/// The first, which is the cheapest, of those with the smallest error.
+fn most_accurate(candidates: &[Candidate]) -> Option<Candidate> {
+    candidates.iter().copied().min_by(|a, b| a.error_px.total_cmp(&b.error_px))
+}
+
+/// Metres on the mirror between two pixels at the middle of the panel.
+fn pitch_m(rig: &Rig) -> f64 {
+    let optics = SliceOptics::new(rig, 0, rig.slice_angle(0), Model::Planar);
+    let middle = DVec2::new(rig.projector.width_px.into(), rig.projector.height_px.into()) / 2.0;
+    let ends = [middle, middle + DVec2::X].map(|pixel| optics.mirror_of(pixel));
+    match ends {
+        [Some(a), Some(b)] => a.distance(b),
+        _ => 1e-4,
+    }
+}
