@@ -62,13 +62,6 @@ pub fn tessellate(scene: &ShadedScene, rig: &Rig, model: Model, bow_px: f64) -> 
     Ok(builder.mesh)
 }
 
-/// PLACEHOLDER until the renderer's own.
-pub fn mesh(scene: &ShadedScene, rig: &Rig, plan: &crate::render::plan::Plan) -> Result<Mesh, RenderError> {
-    use crate::render::plan::Edges;
-    let bow = if plan.edges == Edges::Straight { 1e9 } else { plan.bow_px };
-    tessellate(scene, rig, shaders::project::methods::Method::from(plan.projection).model(), bow)
-}
-
 fn scene_radius(scene: &ShadedScene) -> f64 {
     let corners = scene.triangles.iter().flat_map(|triangle| triangle.positions);
     f64::from(corners.map(|position| position.length_squared()).fold(0.0, f32::max)).sqrt()

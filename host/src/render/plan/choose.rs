@@ -4,7 +4,8 @@ use super::cost::{Work, turn_ns, vertex_ns};
 use super::error::geometric_error;
 use super::{DepthTest, Edges, Halftone, Plan, Precision, Projection};
 use crate::render::RenderError;
-use crate::render::tessellate::{Mesh, mesh};
+use crate::render::mesh::Mesh;
+use crate::render::tessellate::tessellate;
 use crate::scene::ShadedScene;
 use glam::DVec2;
 use protocol::rig::Rig;
@@ -152,7 +153,7 @@ struct Chooser<'a> {
 
 impl<'a> Chooser<'a> {
     fn new(scene: &'a ShadedScene, rig: &'a Rig, halftone: Halftone, fixed: Fixed) -> Result<Self, PlanError> {
-        let straight = mesh(scene, rig, &Plan { edges: Edges::Straight, ..Plan::default() })?;
+        let straight = tessellate(scene, rig, &Plan { edges: Edges::Straight, ..Plan::default() })?;
         let ways = Projection::ALL.into_iter().flat_map(|projection| {
             [Precision::Single, Precision::Double].map(|precision| Plan {
                 projection,
@@ -208,7 +209,7 @@ impl<'a> Chooser<'a> {
         let with = |bow_px| Plan { edges, bow_px, depth: DepthTest::Linear, halftone: self.halftone, ..way.plan };
         let cut = |bow_px| -> Result<Option<Candidate>, PlanError> {
             let plan = with(bow_px);
-            Ok(predict(&mesh(self.scene, self.rig, &plan)?, self.rig, &plan))
+            Ok(predict(&tessellate(self.scene, self.rig, &plan)?, self.rig, &plan))
         };
         match edges {
             Edges::Rays => return Ok(Some(*way)),

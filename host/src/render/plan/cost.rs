@@ -1,7 +1,7 @@
 //! What a turn costs: a sum over what a renderer does, each with a price.
 
 use super::{DepthTest, Edges, Plan, Precision, Projection};
-use crate::render::tessellate::Mesh;
+use crate::render::mesh::Mesh;
 use glam::DVec2;
 use protocol::rig::Rig;
 use rayon::prelude::*;

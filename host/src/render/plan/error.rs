@@ -1,7 +1,7 @@
 //! How far a plan draws the scene from where the diffuser's cone puts it.
 
 use super::{Edges, Plan, Precision};
-use crate::render::tessellate::Mesh;
+use crate::render::mesh::Mesh;
 use glam::{DVec2, DVec3};
 use protocol::rig::Rig;
 use rayon::prelude::*;

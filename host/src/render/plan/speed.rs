@@ -2,7 +2,7 @@
 
 use super::cost::{Work, turn_ns};
 use super::{Edges, Halftone, Plan, Precision, Projection};
-use crate::render::tessellate::mesh;
+use crate::render::tessellate::tessellate;
 use crate::render::{RenderError, Renderer};
 use crate::scene::ShadedScene;
 use protocol::rig::Rig;
@@ -25,6 +25,6 @@ pub fn ms_per_cost(renderer: &dyn Renderer, scene: &ShadedScene, rig: &Rig) -> R
         renderer.render_slices(scene, rig, &plan, &slices, &|| ())?;
         quickest = quickest.min(start.elapsed().as_secs_f64());
     }
-    let cost_s = turn_ns(&plan, &Work::of(&mesh(scene, rig, &plan)?, rig)) / 1e9;
+    let cost_s = turn_ns(&plan, &Work::of(&tessellate(scene, rig, &plan)?, rig)) / 1e9;
     Ok(quickest * f64::from(rig.rotation.slices) / f64::from(SLICES) / cost_s)
 }
