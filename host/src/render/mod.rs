@@ -1,7 +1,11 @@
 //! A scene becomes a turn of slices; and what a pinhole would see, to compare with.
 
+pub mod bow;
+mod canvas;
 pub mod cpu;
+pub mod mesh;
 pub mod plan;
+mod sight;
 pub mod tessellate;
 pub mod truth;
 pub mod turn;

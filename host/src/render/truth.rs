@@ -31,6 +31,8 @@ pub struct Pinhole {
 pub struct Caster<'a> {
     scene: &'a ShadedScene,
     bvh: Option<Bvh2>,
+    /// The distance from the origin within which the scene lies, in metres.
+    radius_m: f64,
 }
 
 impl<'a> Caster<'a> {
@@ -46,7 +48,17 @@ impl<'a> Caster<'a> {
             .collect();
         let mut time = Duration::ZERO;
         let bvh = (!bounds.is_empty()).then(|| build_bvh2(&bounds, BvhBuildParams::medium_build(), &mut time));
-        Self { scene, bvh }
+        let corners = scene.triangles.iter().flat_map(|triangle| triangle.positions);
+        let radius_m = corners.map(|position| position.as_dvec3().length()).fold(0.0, f64::max);
+        Self { scene, bvh, radius_m }
+    }
+
+    /// The luminance of the first surface that a viewer `distance_m` metres from `through` (infinite for one at infinity) sees in its
+    /// direction and beyond it; `toward_viewer` is the unit direction from `through` to the viewer.
+    pub fn cast_along(&self, through: DVec3, toward_viewer: DVec3, distance_m: f64) -> f32 {
+        // From just outside the scene: single precision has the most digits there, however far the viewer is.
+        let start = distance_m.min(1.01 * (through.length() + self.radius_m));
+        self.cast((through + start * toward_viewer).as_vec3(), (-toward_viewer).as_vec3())
     }
 
     /// The luminance of the first surface on the ray; 0 where it meets none.

@@ -1,0 +1,116 @@
+//! How far straight pieces lie from the curves that the optics make of them.
+
+use core::f64::consts::TAU;
+use glam::{DVec2, DVec3};
+use protocol::rig::{Rig, Viewers};
+use shaders::project::methods::{FaceOptics, Method, SliceProjector, Vertex};
+use shaders::project::{Model, SliceOptics};
+
+/// Slices of a turn in which bows are measured.
+const SAMPLES: u32 = 24;
+
+/// One turn of a rig by some of its slices, all faces.
+pub struct Samples {
+    /// Face by face, each [`Samples::per_face`] slices around the turn.
+    projectors: Vec<SliceProjector<f64>>,
+    per_face: usize,
+}
+
+/// Where a point appears in each of [`Samples`].
+pub type Track = Vec<Option<Vertex<f64>>>;
+
+impl Samples {
+    /// Evenly spread over the turn.
+    pub fn new(rig: &Rig, method: Method) -> Self {
+        let slices = rig.rotation.slices;
+        let per_face = slices.min(SAMPLES);
+        let projectors = (0..rig.mirror.face.len()).flat_map(|face| {
+            let optics = FaceOptics::new(rig, face, method);
+            (0..per_face).map(move |sample| optics.slice(rig.slice_angle(sample * slices / per_face)))
+        });
+        Self { projectors: projectors.collect(), per_face: per_face as usize }
+    }
+
+    /// Where `point` appears.
+    pub fn track(&self, point: DVec3) -> Track {
+        self.projectors.iter().map(|projector| projector.vertex(point.to_array())).collect()
+    }
+
+    /// How far, in pixels, `inner` lies at most from the mean of `corners` with `weights`, in the slices in which some of them may be
+    /// visible: in a sample or in one beside it, since a slice between two samples is like either.
+    pub fn bow_px<const N: usize>(&self, inner: &Track, corners: [&Track; N], weights: [f64; N]) -> f64 {
+        let seen = |sample: usize| {
+            let vertices = || corners.iter().copied().chain([inner]).map(|track| &track[sample]);
+            let common = vertices().flatten().fold(u8::MAX, |common, vertex| common & vertex.sides);
+            vertices().all(Option::is_some) && common == 0 && vertices().flatten().any(|vertex| vertex.lit)
+        };
+        let bow = |sample: usize| {
+            let pixel = |track: &Track| track[sample].map(|vertex| DVec2::from_array(vertex.pixel));
+            let mut straight = DVec2::ZERO;
+            for (track, weight) in corners.iter().zip(weights) {
+                straight += weight * pixel(track)?;
+            }
+            Some(pixel(inner)?.distance(straight))
+        };
+        let around = self.per_face;
+        let bows = (0..self.projectors.len()).filter(|sample| {
+            let first = sample - sample % around;
+            [0, 1, around - 1].into_iter().any(|step| seen(first + (sample + step) % around))
+        });
+        bows.filter_map(bow).fold(0.0, f64::max)
+    }
+}
+
+/// Beyond this distance from the origin no point has a sight line: it lies past the viewing circle; for viewers at infinity,
+/// twenty times the panel's size away.
+pub fn reach_m(rig: &Rig) -> f64 {
+    match rig.viewers() {
+        Viewers::Circle { distance_m, height_m } => distance_m.hypot(height_m),
+        Viewers::Infinity { .. } => 20.0 * panel_m(rig),
+    }
+}
+
+fn panel_m(rig: &Rig) -> f64 {
+    let extents = rig.mirror.face.iter().flat_map(|face| {
+        [face.width_m / 2.0, face.slope_span_m[0].abs(), face.slope_span_m[1].abs(), face.offset_m.abs()]
+    });
+    extents.fold(0.0, f64::max)
+}
+
+/// The longest edge that may have an end without a pixel: half the smallest panel. The renderer takes it that a piece with a corner
+/// a panel's size off the panel does not meet it.
+pub fn whole_edge_m(rig: &Rig) -> f64 {
+    let sizes = rig.mirror.face.iter().map(|face| face.width_m.min(face.slope_span_m[1] - face.slope_span_m[0]));
+    0.5 * sizes.fold(f64::INFINITY, f64::min)
+}
+
+/// The longest edge whose middle stays within `bow_px` of the middle of its ends' pixels, anywhere within `radius_m` of the
+/// origin or of the panel, whichever is smaller.
+///
+/// The bow grows with the square of the length (18.8 px for 100 mm, 0.29 px for 12.5 mm on the reference rig), so the largest
+/// of a scatter of short segments gives it, with a quarter in reserve.
+pub fn edge_limit_m(rig: &Rig, model: Model, radius_m: f64, bow_px: f64) -> f64 {
+    const SEGMENTS: u32 = 600;
+    let radius = radius_m.min(1.5 * panel_m(rig)).max(1e-6);
+    let length = radius / 8.0;
+    let worst = (0..SEGMENTS).filter_map(|index| bow_of_segment(rig, model, index, radius, length)).fold(0.0, f64::max);
+    (length * (bow_px / (1.25 * worst).max(1e-12)).sqrt()).min(whole_edge_m(rig))
+}
+
+fn bow_of_segment(rig: &Rig, model: Model, index: u32, radius: f64, length: f64) -> Option<f64> {
+    let scatter = |step: f64| (f64::from(index) * step).fract();
+    let middle = on_sphere(scatter(0.618_034), scatter(0.754_878)) * radius * scatter(0.569_840).cbrt();
+    let half = on_sphere(scatter(0.819_173), scatter(0.671_044)) * length / 2.0;
+    let slice = index.wrapping_mul(97) % rig.rotation.slices;
+    let face = index as usize % rig.mirror.face.len();
+    let optics = SliceOptics::new(rig, face, rig.slice_angle(slice), model);
+    let [start, between, end] = [middle - half, middle, middle + half].map(|point| optics.project(point).pixel);
+    Some((between? - (start? + end?) / 2.0).length())
+}
+
+/// A point of the unit sphere from two fractions, spread evenly where they are.
+fn on_sphere(around: f64, along: f64) -> DVec3 {
+    let height = 2.0 * along - 1.0;
+    let level = (1.0 - height * height).max(0.0).sqrt();
+    DVec3::new(level * (TAU * around).sin(), height, level * (TAU * around).cos())
+}

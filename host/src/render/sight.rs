@@ -1,0 +1,87 @@
+//! Sight lines of a slice's pixels, and where they meet triangles.
+
+use glam::DVec3;
+use shaders::project::methods::{Real, SightLine, SliceProjector};
+
+/// What a pixel shows: everything on the line through `mirror` along `toward_viewer`.
+#[derive(Clone, Copy, Debug)]
+pub struct Line {
+    /// M, world metres.
+    pub mirror: DVec3,
+    /// The unit direction from M to V'.
+    pub toward_viewer: DVec3,
+    /// Depth of M, as [`SightLine::depth_m`].
+    pub depth_m: f64,
+}
+
+impl<F: Real> From<SightLine<F>> for Line {
+    fn from(sight: SightLine<F>) -> Self {
+        Self {
+            mirror: DVec3::from_array(sight.mirror.map(F::wide)),
+            toward_viewer: DVec3::from_array(sight.toward_viewer.map(F::wide)),
+            depth_m: sight.depth_m.wide(),
+        }
+    }
+}
+
+impl Line {
+    /// Depth of the point at which the line meets the plane of a triangle; not finite where it does not.
+    pub fn plane_depth_m(&self, [a, b, c]: [DVec3; 3]) -> f64 {
+        let normal = (b - a).cross(c - a);
+        self.depth_m + normal.dot(self.mirror - a) / normal.dot(self.toward_viewer)
+    }
+
+    /// The weights of the corners where the line meets the triangle; `None` where it passes by.
+    ///
+    /// The sign for an edge is the exact opposite for its neighbour, who runs through it the other way: no line passes between two
+    /// triangles, and none meets both, but at a silhouette.
+    pub fn weights(&self, corners: [DVec3; 3]) -> Option<[f32; 3]> {
+        let arms = corners.map(|corner| corner - self.mirror);
+        let volumes = [(1, 2), (2, 0), (0, 1)].map(|(from, to)| {
+            let volume = self.toward_viewer.dot(arms[from].cross(arms[to]));
+            let owned = corners[from].to_array() < corners[to].to_array();
+            (volume, volume > 0.0 || (volume == 0.0 && owned))
+        });
+        let side = volumes[0].1;
+        let total: f64 = volumes.iter().map(|(volume, _)| volume).sum();
+        (volumes.iter().all(|(_, positive)| *positive == side) && total != 0.0)
+            .then(|| volumes.map(|(volume, _)| (volume / total) as f32))
+    }
+}
+
+/// The sight lines of the pixels of one face in one slice, each found when it is first asked for.
+pub struct Sights {
+    pixels: usize,
+    current: u32,
+    /// When each pixel's line was found: it holds where this is `current`.
+    found: Vec<u32>,
+    lines: Vec<Option<Line>>,
+}
+
+impl Sights {
+    /// For images of `pixels` pixels.
+    pub fn new(pixels: usize) -> Self {
+        Self { pixels, current: 0, found: Vec::new(), lines: Vec::new() }
+    }
+
+    /// Forgets all lines: another face or slice is next.
+    pub fn forget(&mut self) {
+        self.current += 1;
+    }
+
+    /// What the pixel in column `x` and row `y`, which is cell `cell`, shows; `None` where its ray misses the panel with its guard
+    /// band, or where no lit viewer sees it.
+    pub fn line<F: Real>(&mut self, projector: &SliceProjector<F>, [x, y]: [i64; 2], cell: usize) -> Option<Line> {
+        if self.found.is_empty() {
+            // Many slices of small pieces need none.
+            self.found.resize(self.pixels, 0);
+            self.lines.resize(self.pixels, None);
+        }
+        if self.found[cell] != self.current {
+            self.found[cell] = self.current;
+            let centre = [x, y].map(|coordinate| F::of(coordinate as f64 + 0.5));
+            self.lines[cell] = projector.sight(centre).map(Line::from);
+        }
+        self.lines[cell]
+    }
+}
