@@ -95,6 +95,8 @@ const PAIRS: usize = 3000;
 const RESERVE: f64 = 1.25;
 /// What rounding vertices to 1/256 pixel adds, in px.
 const SNAP_PX: f64 = 0.003;
+/// No smaller error is claimed, in px: the reference itself is no better.
+const FLOOR_PX: f64 = 1e-6;
 /// How far the pieces of [`Edges::Discard`] may bow, px: coarser ones are not dearer by the pixel, finer ones are more.
 const COARSE_PX: f64 = 8.0;
 /// The smallest bow that edges are cut to, px: below it cutting is dearer than the test by pixel.
@@ -105,11 +107,11 @@ const FINE_PX: f64 = 0.01;
 pub fn predict(mesh: &Mesh, rig: &Rig, plan: &Plan) -> Option<Candidate> {
     let error = geometric_error(mesh, rig, plan, PAIRS);
     let snap = if matches!(plan.edges, Edges::Discard | Edges::Rays) { 0.0 } else { SNAP_PX };
-    let reserve = (RESERVE * error.worst_px + snap) / error.worst_px.max(1e-12);
+    let error_px = (RESERVE * error.worst_px + snap).max(FLOOR_PX);
     (error.points > 0 && error.lost == 0).then(|| Candidate {
         plan: *plan,
-        error_px: RESERVE * error.worst_px + snap,
-        error_arcmin: error.worst_arcmin * reserve,
+        error_px,
+        error_arcmin: error.worst_arcmin * error_px / error.worst_px.max(FLOOR_PX),
         depth_m: RESERVE * error.worst_depth_m,
         cost_ms: turn_ns(plan, &Work::of(mesh, rig)) / 1e6,
         triangles: mesh.triangles.len(),
