@@ -6,7 +6,7 @@
 mod camera;
 mod check;
 
-pub use camera::Camera;
+pub use camera::{Camera, Lens};
 
 use crate::timing::{Direction, Rotation};
 use crate::units::Turns;

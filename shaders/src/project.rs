@@ -223,6 +223,43 @@ impl SliceOptics {
         (range > 0.0 && range.is_finite()).then(|| position + range * ray)
     }
 
+    /// [`Viewer::depth_of`] less the distance of the viewing circle from the origin, in metres.
+    fn depth_from_circle(&self, point: DVec3, viewer: Viewer) -> f64 {
+        match (viewer, self.viewers) {
+            (Viewer::At(position), Viewers::Circle { distance_m, height_m }) => {
+                let distance = distance_m.hypot(height_m);
+                (point.length_squared() - 2.0 * position.dot(point)) / (position.distance(point) + distance)
+            }
+            _ => viewer.depth_of(point),
+        }
+    }
+
+    /// The panel's corners.
+    fn corners(&self) -> [DVec3; 4] {
+        let foot = self.offset_m * self.frame.normal;
+        let [low, high] = self.slope_span_m;
+        [(-1.0, low), (1.0, low), (-1.0, high), (1.0, high)]
+            .map(|(side, slope)| foot + side * self.half_width_m * self.frame.across + slope * self.frame.slope)
+    }
+
+    /// The distance of the panel's farthest corner from the origin.
+    fn reach_m(&self) -> f64 {
+        self.corners().map(DVec3::length).into_iter().fold(0.0, f64::max)
+    }
+
+    /// The largest distance in the image of two points of the panel a metre apart, by its scale at the corners; infinity where the
+    /// projector does not see them.
+    fn px_per_m(&self) -> f64 {
+        let step = 1e-4 * self.reach_m();
+        let scale = |corner: DVec3| {
+            let pixel = |point| self.camera.project(point);
+            let [across, slope] = [self.frame.across, self.frame.slope].map(|axis| pixel(corner + step * axis));
+            let start = pixel(corner)?;
+            Some((across? - start).length().hypot((slope? - start).length()) / step)
+        };
+        self.corners().into_iter().map(|corner| scale(corner).unwrap_or(f64::INFINITY)).fold(0.0, f64::max)
+    }
+
     /// |M − P| in metres.
     pub fn throw_m(&self, mirror: DVec3) -> f64 {
         mirror.distance(self.camera.position)

@@ -14,6 +14,21 @@ pub struct Camera {
     principal_px: DVec2,
     focal_px: DVec2,
     radial: [f64; 2],
+    /// The square of the ideal radius, in focal lengths, at which the distortion stops growing: beyond it the image folds back.
+    fold_squared: f64,
+}
+
+/// The radial distortion by itself: an ideal pixel at `principal + focal · x` is seen at `principal + focal · x (1 + k1 x² + k2 x⁴)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lens {
+    /// The centre of the distortion.
+    pub principal_px: DVec2,
+    /// Pixels across and down in a unit of the radius.
+    pub focal_px: DVec2,
+    /// k1, k2.
+    pub radial: [f64; 2],
+    /// The square of the radius beyond which a ray has no pixel, since the image would fold back there.
+    pub fold_squared: f64,
 }
 
 /// Why a projector is none.
@@ -56,18 +71,31 @@ impl Camera {
             principal_px: DVec2::new(row(0).dot(row(2)), row(1).dot(row(2))) / depth,
             focal_px: DVec2::new(row(0).cross(row(2)).length(), row(1).cross(row(2)).length()) / depth,
             radial: projector.radial,
+            fold_squared: fold_squared(projector.radial),
         };
         let size = DVec2::new(projector.width_px.into(), projector.height_px.into());
         if camera.folds(size) { Err(CameraError::Folded) } else { Ok(camera) }
     }
 
-    /// The pixel at which world point `point` appears; `None` where it is not in front.
+    /// Homogeneous pixels, before distortion, from world directions: (u w, v w, w) of X is this times X − [`Camera::position`].
+    pub fn pixel_from_world(&self) -> DMat3 {
+        self.pixel_from_world
+    }
+
+    /// The distortion; `None` where lines stay straight: projection is a matrix.
+    pub fn lens(&self) -> Option<Lens> {
+        let Self { principal_px, focal_px, radial, fold_squared, .. } = *self;
+        (!self.is_rectilinear()).then_some(Lens { principal_px, focal_px, radial, fold_squared })
+    }
+
+    /// The pixel at which world point `point` appears; `None` where it is not in front, or so far aside that the lens's polynomial
+    /// folds back.
     pub fn project(&self, point: DVec3) -> Option<DVec2> {
         let homogeneous = self.pixel_from_world * (point - self.position);
         if homogeneous.z.is_nan() || homogeneous.z <= 0.0 {
             return None;
         }
-        Some(self.distort(homogeneous.truncate() / homogeneous.z))
+        self.distort(homogeneous.truncate() / homogeneous.z)
     }
 
     /// The unit direction, from [`Camera::position`], of the ray through `pixel`.
@@ -84,16 +112,19 @@ impl Camera {
         1.0 + r2 * (self.radial[0] + r2 * self.radial[1])
     }
 
-    fn distort(&self, pixel: DVec2) -> DVec2 {
+    fn distort(&self, pixel: DVec2) -> Option<DVec2> {
         if self.is_rectilinear() {
-            return pixel;
+            return Some(pixel);
         }
         let ideal = (pixel - self.principal_px) / self.focal_px;
-        self.principal_px + self.focal_px * ideal * self.gain(ideal.length_squared())
+        let r2 = ideal.length_squared();
+        (r2 < self.fold_squared).then(|| self.principal_px + self.focal_px * ideal * self.gain(r2))
     }
 
+    /// The ideal pixel, as a pinhole would have it, of what is seen at `pixel`.
+    ///
     /// Newton on the radius: the polynomial rises over the image, which [`Camera::new`] has checked.
-    fn undistort(&self, pixel: DVec2) -> DVec2 {
+    pub fn undistort(&self, pixel: DVec2) -> DVec2 {
         let seen = (pixel - self.principal_px) / self.focal_px;
         let goal = seen.length();
         if self.is_rectilinear() || goal == 0.0 {
@@ -134,6 +165,14 @@ impl Camera {
         }
         self.slope(radius) <= 0.05
     }
+}
+
+/// The first r² at which 1 + 3 k1 r² + 5 k2 r⁴, the radius's growth, is 0; infinity where it never is.
+fn fold_squared([k1, k2]: [f64; 2]) -> f64 {
+    let discriminant = 9.0 * k1 * k1 - 20.0 * k2;
+    // The smaller positive root of the quadratic, in the form that loses no digits and holds for k2 = 0.
+    let denominator = discriminant.sqrt() - 3.0 * k1;
+    if discriminant >= 0.0 && denominator > 0.0 { 2.0 / denominator } else { f64::INFINITY }
 }
 
 fn from_pose(

@@ -1,11 +1,15 @@
 //! The ways in which a renderer projects: fast, in either precision, each with an error that is known against [`SliceOptics`],
 //! which is the reference.
 
-use super::{Model, SliceOptics, Viewer};
-use glam::{DVec2, DVec3};
+mod kernel;
+mod table;
+
+pub use kernel::SliceProjector;
+
+use super::{Model, SliceOptics};
 use num_traits::Float;
 use protocol::rig::Rig;
-use protocol::rig::Viewers;
+use table::Table;
 
 /// How V' is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,6 +36,8 @@ impl Method {
 
 /// Single or double precision.
 pub trait Real: Float + Send + Sync + core::fmt::Debug + 'static {
+    /// How far, in pixels, its rounding may take an answer from the exact one: what may be farther is answered by [`SliceOptics`].
+    const TOLERANCE_PX: f64;
     /// Rounded.
     fn of(value: f64) -> Self;
     /// Exact.
@@ -39,6 +45,8 @@ pub trait Real: Float + Send + Sync + core::fmt::Debug + 'static {
 }
 
 impl Real for f32 {
+    const TOLERANCE_PX: f64 = 5e-3;
+
     fn of(value: f64) -> Self {
         value as Self
     }
@@ -48,6 +56,8 @@ impl Real for f32 {
 }
 
 impl Real for f64 {
+    const TOLERANCE_PX: f64 = 1e-7;
+
     fn of(value: f64) -> Self {
         value
     }
@@ -87,72 +97,34 @@ pub struct FaceOptics<F> {
     rig: Rig,
     face: usize,
     method: Method,
-    marker: core::marker::PhantomData<F>,
+    table: Option<Table<F>>,
 }
 
 impl<F: Real> FaceOptics<F> {
     /// Face `face` of `rig`, which must be below `rig.mirror.face.len()`. Tables are made here.
     pub fn new(rig: &Rig, face: usize, method: Method) -> Self {
-        Self { rig: rig.clone(), face, method, marker: core::marker::PhantomData }
+        let table = (method == Method::ConeTable).then(|| Table::new(rig, face));
+        Self { rig: rig.clone(), face, method, table }
     }
 
     /// The face at mirror angle `theta` radians.
     pub fn slice(&self, theta: f64) -> SliceProjector<F> {
-        let circle_m = match self.rig.viewers() {
-            Viewers::Circle { distance_m, height_m } => distance_m.hypot(height_m),
-            Viewers::Infinity { .. } => 0.0,
-        };
-        SliceProjector {
-            optics: SliceOptics::new(&self.rig, self.face, theta, self.method.model()),
-            circle_m,
-            marker: core::marker::PhantomData,
-        }
+        let table = self.table.as_ref().map(|table| table.at(theta));
+        SliceProjector::new(SliceOptics::new(&self.rig, self.face, theta, self.method.model()), self.method, table)
     }
 }
 
-/// One face in one slice.
-#[derive(Clone, Debug)]
-pub struct SliceProjector<F> {
-    optics: SliceOptics,
-    circle_m: f64,
-    marker: core::marker::PhantomData<F>,
+/// Whether single precision answers within 0.01 px of double by itself, for all that lies in a ball as large as the panel.
+///
+/// Where it does not, because the image is very fine or the sight lines graze the mirror, [`SliceProjector`] turns to double
+/// precision vertex by vertex: just as right, but slower than double precision throughout.
+pub fn single_is_enough(rig: &Rig) -> bool {
+    const SLICES: u32 = 12;
+    (0..rig.mirror.face.len()).all(|face| {
+        let optics = FaceOptics::<f32>::new(rig, face, Method::Planar);
+        (0..SLICES).all(|part| optics.slice(rig.slice_angle(part * rig.rotation.slices / SLICES)).is_sound())
+    })
 }
 
-impl<F: Real> SliceProjector<F> {
-    /// Where world point `point` in metres appears; `None` where it has no pixel: no viewer, no mirror point in front of the viewer,
-    /// behind the projector, or so far off the panel that nothing near it is on it.
-    pub fn vertex(&self, point: [F; 3]) -> Option<Vertex<F>> {
-        let point = DVec3::from_array(point.map(F::wide));
-        if !self.optics.is_near(point) {
-            return None;
-        }
-        let projected = self.optics.project(point);
-        if projected.visibility == super::Visibility::NoMirror {
-            return None;
-        }
-        Some(Vertex {
-            pixel: projected.pixel?.to_array().map(F::of),
-            depth_m: F::of(projected.depth_m? - self.circle_m),
-            sides: self.optics.sides(projected.mirror?),
-            lit: self.optics.is_lit(projected.viewer?),
-        })
-    }
-
-    /// What `pixel` shows; `None` where its ray misses the panel with its guard band, or where no lit viewer sees it.
-    pub fn sight(&self, pixel: [F; 2]) -> Option<SightLine<F>> {
-        let mirror = self.optics.mirror_of(DVec2::from_array(pixel.map(F::wide)))?;
-        if self.optics.sides(mirror) != 0 {
-            return None;
-        }
-        let viewer = self.optics.sight_of(mirror)?.viewer;
-        let toward = match viewer {
-            Viewer::At(position) => (position - mirror).normalize(),
-            Viewer::Toward(direction) => direction,
-        };
-        Some(SightLine {
-            mirror: mirror.to_array().map(F::of),
-            toward_viewer: toward.to_array().map(F::of),
-            depth_m: F::of(viewer.depth_of(mirror) - self.circle_m),
-        })
-    }
-}
+#[cfg(test)]
+mod tests;
