@@ -97,9 +97,7 @@ fn explore() {
         for rig_name in ["reference", "high-viewer", "tent"] {
             for projection in [Projection::Planar, Projection::ConeRoot] {
                 let rig = rig(rig_name);
-                for (edges, bow_px) in
-                    [(Edges::Uniform, 0.5), (Edges::Uniform, 0.8), (Edges::Adaptive, 0.5), (Edges::Adaptive, 8.0)]
-                {
+                for (edges, bow_px) in [(Edges::Uniform, 0.5), (Edges::Adaptive, 0.5), (Edges::Adaptive, 8.0)] {
                     let plan = plan(projection, edges, bow_px);
                     let start = std::time::Instant::now();
                     let mesh = tessellate(&scene, &rig, &plan).unwrap();
@@ -108,7 +106,7 @@ fn explore() {
                         "{name} {rig_name} {projection:?} {edges:?} {bow_px}: {} -> {} {:?} {ms} ms",
                         scene.triangles.len(),
                         mesh.triangles.len(),
-                        measured(&mesh, &rig, &plan, if name == "boxes" { 5 } else { 17 })
+                        measured(&mesh, &rig, &plan, if name == "boxes" { 11 } else { 29 })
                     );
                 }
             }
