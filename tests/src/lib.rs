@@ -42,6 +42,11 @@ pub fn builtin() -> ShadedScene {
     shade(&Scene::builtin(), Shading::Lambert, false)
 }
 
+/// One of the scenes that need no file, lit.
+pub fn scene(name: &str) -> ShadedScene {
+    shade(&Scene::load(name).expect("a built-in scene"), Shading::Lambert, false)
+}
+
 /// One turn by `plan`.
 pub fn turn(scene: &ShadedScene, rig: &Rig, plan: &Plan) -> Turn {
     CpuRenderer.render_turn(scene, rig, plan, &|| ()).expect("a scene of moderate size")

@@ -19,7 +19,7 @@ use std::path::PathBuf;
 /// A scene and how it is lit.
 #[derive(clap::Args)]
 pub(super) struct SceneArgs {
-    /// A .gltf, .glb, .obj or .ply file in metres, or `builtin`
+    /// A .gltf, .glb, .obj or .ply file in metres, or `builtin`, `boxes` or `knot`
     pub scene: String,
     /// Centre the bounding box at the origin and scale its largest extent to M metres
     #[arg(long, value_name = "M", value_parser = positive, allow_negative_numbers = true)]

@@ -112,7 +112,9 @@ impl Canvas {
             let corners = self.corners_of(mesh, index);
             let outside = corners.iter().fold(u8::MAX, |common, corner| common & corner.sides) != 0;
             // A piece that bows may reach the panel though none of its corners does.
-            if corners.iter().any(|corner| corner.place == Place::Nowhere) || (outside && !matches!(coverage, Coverage::Discard(_))) {
+            if corners.iter().any(|corner| corner.place == Place::Nowhere)
+                || (outside && !matches!(coverage, Coverage::Discard(_)))
+            {
                 continue;
             }
             match coverage {
@@ -234,12 +236,7 @@ impl Piece {
 
 /// Calls `fragment` for the pixels whose centres lie in the triangle (on its border by the top-left rule), with the cell and the
 /// weights of the corners; with `margin` steps above 0, for those within that distance of it too, and more at its corners.
-fn fill(
-    size: [i64; 2],
-    mut corners: [Corner; 3],
-    margin: f64,
-    mut fragment: impl FnMut([i64; 2], usize, [f32; 3]),
-) {
+fn fill(size: [i64; 2], mut corners: [Corner; 3], margin: f64, mut fragment: impl FnMut([i64; 2], usize, [f32; 3])) {
     let mut order = [0, 1, 2];
     let mut area = twice_area(corners[0], corners[1], corners[2].x, corners[2].y);
     if area == 0 && margin == 0.0 {

@@ -1,4 +1,4 @@
-//! Triangles with shared vertices, and the cutting of them along their edges.
+//! Triangles with shared vertices.
 
 use crate::scene::{ShadedScene, ShadedTriangle};
 use glam::{DVec3, Vec2, Vec3};
@@ -50,33 +50,5 @@ impl Mesh {
     /// The corners of `triangle` in world metres.
     pub fn corners(&self, triangle: &Triangle) -> [DVec3; 3] {
         triangle.corners.map(|corner| self.positions[corner as usize])
-    }
-}
-
-impl Triangle {
-    /// The ends of edge `edge`, which runs from that corner to the next.
-    pub fn edge(&self, edge: usize) -> [u32; 2] {
-        [self.corners[edge], self.corners[(edge + 1) % 3]]
-    }
-
-    /// Its two parts where edge `edge` is cut at vertex `place`, a fraction `along` of the way.
-    pub fn cut_edge(&self, edge: usize, place: u32, along: f32) -> [Self; 2] {
-        let mut weights = [0.0; 3];
-        (weights[edge], weights[(edge + 1) % 3]) = (1.0 - along, along);
-        [(edge + 1) % 3, edge].map(|replaced| self.with_corner(replaced, place, weights))
-    }
-
-    /// Its three parts about vertex `place`, its centroid.
-    pub fn cut_at_centroid(&self, place: u32) -> [Self; 3] {
-        [0, 1, 2].map(|replaced| self.with_corner(replaced, place, [1.0 / 3.0; 3]))
-    }
-
-    /// Corner `replaced` moved to `place`, which has these weights of the corners.
-    fn with_corner(&self, replaced: usize, place: u32, weights: [f32; 3]) -> Self {
-        let mut part = *self;
-        part.corners[replaced] = place;
-        part.radiance[replaced] = (0..3).map(|corner| weights[corner] * self.radiance[corner]).sum();
-        part.uv[replaced] = (0..3).map(|corner| weights[corner] * self.uv[corner]).sum();
-        part
     }
 }

@@ -5,7 +5,7 @@ use super::bow::{Samples, Track, edge_limit_m, reach_m, whole_edge_m};
 use super::mesh::{Mesh, Triangle};
 use super::plan::{Edges, Plan};
 use crate::scene::ShadedScene;
-use glam::DVec3;
+use glam::{DVec3, Mat3, Vec3};
 use protocol::rig::Rig;
 use shaders::project::methods::Method;
 use std::collections::HashMap;
@@ -16,14 +16,16 @@ pub const TRIANGLES_MAX: usize = 50_000_000;
 /// No edge shorter than this many metres is cut, whatever is asked: what bows there is the optics' own edge.
 const SHORTEST_M: f64 = 1e-5;
 
+/// An edge is cut into at most as many parts at once.
+const PARTS_MAX: f64 = 64.0;
+
 /// The bow by samples, times this, is not below the bow in any slice: 24 of 288 slices and a few places on each piece miss some
 /// of it.
-const RESERVE: f64 = 1.1;
+const RESERVE: f64 = 1.05;
 
 /// Cuts the scene's triangles as `plan.edges` says. What lies wholly farther from the axis than any sight line reaches is left out.
 ///
-/// Whether and where an edge is cut depends on the edge alone, so that both its triangles cut it alike and no crack opens. A triangle
-/// of which more than one edge is to be cut is cut across the most pressing one first, and its parts are looked at again.
+/// Whether and where an edge is cut depends on the edge alone, so that both its triangles cut it alike and no crack opens.
 pub fn tessellate(scene: &ShadedScene, rig: &Rig, plan: &Plan) -> Result<Mesh, RenderError> {
     let method = Method::from(plan.projection);
     let limit_m = |bow_px| edge_limit_m(rig, method.model(), scene_radius_m(scene), bow_px).max(SHORTEST_M);
@@ -39,10 +41,10 @@ pub fn tessellate(scene: &ShadedScene, rig: &Rig, plan: &Plan) -> Result<Mesh, R
             Rule { short_m: limit_m(0.75 * plan.bow_px), whole_m: whole_edge_m(rig), optics: Some(optics) }
         }
     };
-    let mut whole = Mesh::new(scene);
-    let triangles = std::mem::take(&mut whole.triangles);
-    let mut cutter = Cutter { rule, reach_m: reach_m(rig), mesh: whole, tracks: HashMap::new(), edges: HashMap::new() };
-    for triangle in triangles {
+    let Mesh { positions, triangles } = Mesh::new(scene);
+    let mesh = Mesh { positions, triangles: Vec::with_capacity(triangles.len()) };
+    let mut cutter = Cutter { rule, reach_m: reach_m(rig), mesh, tracks: HashMap::new(), edges: HashMap::new() };
+    for triangle in &triangles {
         cutter.add(triangle);
         if cutter.mesh.triangles.len() > TRIANGLES_MAX {
             return Err(RenderError::TooManyTriangles {
@@ -74,28 +76,11 @@ struct Optics {
     tolerance_px: f64,
 }
 
-/// What becomes of an edge.
+/// A vertex of a piece, with its weights of the corners of the scene's triangle.
 #[derive(Clone, Copy)]
-struct Verdict {
-    /// Above 1 for an edge that has to be cut, the more the sooner.
-    pressing: f64,
-    /// Into how many parts of one length it is to be cut in the end.
-    parts: u32,
-}
-
-impl Verdict {
-    const KEEP: Self = Self { pressing: 0.0, parts: 1 };
-
-    fn new(pressing: f64) -> Self {
-        Self { pressing, parts: pressing.ceil().clamp(1.0, 1e6) as u32 }
-    }
-}
-
-/// An edge, by its ends in the order of their indices.
-struct Edge {
-    verdict: Verdict,
-    /// The vertex at which it is cut.
-    place: Option<u32>,
+struct Corner {
+    vertex: u32,
+    weights: Vec3,
 }
 
 struct Cutter {
@@ -103,37 +88,46 @@ struct Cutter {
     reach_m: f64,
     mesh: Mesh,
     tracks: HashMap<u32, Track>,
-    edges: HashMap<[u32; 2], Edge>,
+    /// The vertices at which edges are cut into parts of one length, by their ends in the order of their indices.
+    edges: HashMap<[u32; 2], Vec<u32>>,
 }
 
 impl Cutter {
-    fn add(&mut self, triangle: Triangle) {
-        let mut waiting = vec![triangle];
-        while let Some(triangle) = waiting.pop() {
-            let lengths = [0, 1, 2].map(|edge| self.length_m(triangle.edge(edge)));
-            let longest = lengths.into_iter().fold(0.0, f64::max);
-            if self.is_out_of_reach(&triangle) || self.mesh.triangles.len() > TRIANGLES_MAX {
+    fn add(&mut self, triangle: &Triangle) {
+        let whole = [0, 1, 2].map(|corner| Corner { vertex: triangle.corners[corner], weights: Vec3::AXES[corner] });
+        let mut waiting = vec![whole];
+        while let Some(piece) = waiting.pop() {
+            let lengths = [0, 1, 2].map(|edge| self.length_m([piece[edge].vertex, piece[(edge + 1) % 3].vertex]));
+            if self.is_out_of_reach(&piece) || self.mesh.triangles.len() > TRIANGLES_MAX {
                 continue;
             }
-            if longest <= self.rule.short_m {
-                self.mesh.triangles.push(triangle);
+            if lengths.iter().all(|length| *length <= self.rule.short_m) {
+                self.emit(triangle, &piece);
                 continue;
             }
-            let pressing = [0, 1, 2].map(|edge| self.verdict(triangle.edge(edge)).pressing);
-            let worst = (0..3).max_by(|a, b| pressing[*a].total_cmp(&pressing[*b])).unwrap_or(0);
-            if pressing[worst] > 1.0 {
-                waiting.extend(self.cut(&triangle, worst));
-            } else if let Some(place) = self.bulge(&triangle) {
-                waiting.extend(triangle.cut_at_centroid(place));
+            let parts = [0, 1, 2].map(|edge| self.chain(piece[edge], piece[(edge + 1) % 3]).len() - 1);
+            if parts != [1; 3] {
+                self.divide(piece, parts, &mut waiting);
+            } else if let Some(centre) = self.bulge(&piece) {
+                waiting.extend([0, 1, 2].map(|edge| [piece[edge], piece[(edge + 1) % 3], centre]));
             } else {
-                self.mesh.triangles.push(triangle);
+                self.emit(triangle, &piece);
             }
         }
     }
 
+    fn emit(&mut self, triangle: &Triangle, piece: &[Corner; 3]) {
+        self.mesh.triangles.push(Triangle {
+            corners: piece.map(|corner| corner.vertex),
+            radiance: piece.map(|corner| Mat3::from_cols_array_2d(&triangle.radiance.map(Vec3::into)) * corner.weights),
+            uv: piece.map(|corner| (0..3).map(|index| triangle.uv[index] * corner.weights[index]).sum()),
+            texture: triangle.texture,
+        });
+    }
+
     /// Whether the triangle lies outside the ball of reach: by the ball about its centre, which holds it.
-    fn is_out_of_reach(&self, triangle: &Triangle) -> bool {
-        let corners = self.mesh.corners(triangle);
+    fn is_out_of_reach(&self, piece: &[Corner; 3]) -> bool {
+        let corners = piece.map(|corner| self.position(corner.vertex));
         let centre = corners.iter().sum::<DVec3>() / 3.0;
         let radius = corners.iter().map(|position| position.distance(centre)).fold(0.0, f64::max);
         centre.length() - radius > self.reach_m
@@ -147,45 +141,93 @@ impl Cutter {
         self.position(from).distance(self.position(to))
     }
 
-    fn cut(&mut self, triangle: &Triangle, edge: usize) -> [Triangle; 2] {
-        let [from, to] = triangle.edge(edge);
-        let ends = [from.min(to), from.max(to)];
-        let parts = self.verdict(ends).parts;
-        let along = f64::from(parts / 2) / f64::from(parts);
-        let known = self.edges[&ends].place;
-        let place = known.unwrap_or_else(|| self.mesh.add(self.position(ends[0]).lerp(self.position(ends[1]), along)));
-        self.edges.entry(ends).and_modify(|edge| edge.place = Some(place));
-        triangle.cut_edge(edge, place, if from < to { along } else { 1.0 - along } as f32)
-    }
-
-    /// What becomes of the edge between two vertices, in either order.
-    fn verdict(&mut self, [from, to]: [u32; 2]) -> Verdict {
-        let ends = [from.min(to), from.max(to)];
-        if let Some(edge) = self.edges.get(&ends) {
-            return edge.verdict;
+    /// Lays a ladder between the two edges that have the most `parts`, from the corner where they meet to the third edge. Rungs are
+    /// edges like any other and are cut in their turn; what lies between two rungs is filled with triangles.
+    fn divide(&mut self, piece: [Corner; 3], parts: [usize; 3], pieces: &mut Vec<[Corner; 3]>) {
+        let base = (0..3).min_by_key(|edge| parts[*edge]).unwrap_or(0);
+        let [top, left, right] = [(base + 2) % 3, base, (base + 1) % 3].map(|corner| piece[corner]);
+        let rails = [left, right].map(|foot| self.chain(top, foot));
+        let rungs = rails[0].len().max(rails[1].len()) - 1;
+        let mut above = vec![top];
+        for rung in 1..=rungs {
+            let [from, to] = rails.each_ref().map(|rail| rail[(rung * (rail.len() - 1)).div_ceil(rungs)]);
+            let below = self.chain(from, to);
+            self.fill(&above, &below, pieces);
+            above = below;
         }
-        let verdict = self.judge(ends);
-        self.edges.insert(ends, Edge { verdict, place: None });
-        verdict
     }
 
-    fn judge(&mut self, ends: [u32; 2]) -> Verdict {
+    /// Triangles between two rungs, across the shorter diagonal each. The rungs may meet at either end.
+    fn fill(&self, mut above: &[Corner], mut below: &[Corner], pieces: &mut Vec<[Corner; 3]>) {
+        let is_same = |a: &Corner, b: &Corner| a.vertex == b.vertex;
+        if let ([start, next_above, ..], [first, next_below, ..]) = (above, below)
+            && is_same(start, first)
+        {
+            pieces.push([*start, *next_below, *next_above]);
+            (above, below) = (&above[1..], &below[1..]);
+        }
+        if let ([.., before_above, end], [.., before_below, last]) = (above, below)
+            && is_same(end, last)
+        {
+            pieces.push([*before_above, *before_below, *end]);
+            (above, below) = (&above[..above.len() - 1], &below[..below.len() - 1]);
+        }
+        while let ([upper, ..], [lower, ..]) = (above, below) {
+            let distance = |a: &Corner, b: &Corner| self.length_m([a.vertex, b.vertex]);
+            let along_above = above.get(1).map_or(f64::INFINITY, |next| distance(next, lower));
+            let along_below = below.get(1).map_or(f64::INFINITY, |next| distance(upper, next));
+            if along_above < along_below {
+                pieces.push([*upper, *lower, above[1]]);
+                above = &above[1..];
+            } else if let Some(next) = below.get(1) {
+                pieces.push([*upper, *lower, *next]);
+                below = &below[1..];
+            } else {
+                break;
+            }
+        }
+    }
+
+    /// The vertices of the edge from one vertex to another, with its ends.
+    fn chain(&mut self, from: Corner, to: Corner) -> Vec<Corner> {
+        let ends = [from.vertex.min(to.vertex), from.vertex.max(to.vertex)];
+        if !self.edges.contains_key(&ends) {
+            let parts = self.parts(ends);
+            let [start, end] = ends.map(|end| self.position(end));
+            let places = (1..parts).map(|part| self.mesh.add(start.lerp(end, f64::from(part) / f64::from(parts))));
+            let places = places.collect();
+            self.edges.insert(ends, places);
+        }
+        let places = &self.edges[&ends];
+        let parts = places.len() + 1;
+        let corner = |part: usize| match part {
+            0 => from,
+            _ if part == parts => to,
+            _ => Corner {
+                vertex: places[if from.vertex == ends[0] { part - 1 } else { parts - 1 - part }],
+                weights: from.weights.lerp(to.weights, part as f32 / parts as f32),
+            },
+        };
+        (0..=parts).map(corner).collect()
+    }
+
+    /// Into how many parts an edge is to be cut.
+    fn parts(&mut self, ends: [u32; 2]) -> u32 {
         let length = self.length_m(ends);
         if length <= self.rule.short_m {
-            return Verdict::KEEP;
+            return 1;
         }
-        let Some(Optics { samples, tolerance_px }) = &self.rule.optics else {
-            return Verdict { pressing: length / self.rule.short_m, parts: 2 };
-        };
+        let Some(Optics { samples, tolerance_px }) = &self.rule.optics else { return 2 };
         for end in ends {
             self.tracks.entry(end).or_insert_with(|| samples.track(self.mesh.positions[end as usize]));
         }
         let [from, to] = ends.map(|end| &self.tracks[&end]);
+        let needed = |need: f64| need.ceil().clamp(1.0, PARTS_MAX) as u32;
         if length > self.rule.whole_m && [from, to].into_iter().flatten().any(Option::is_none) {
-            return Verdict::new(length / self.rule.whole_m);
+            return needed(length / self.rule.whole_m);
         }
         if tolerance_px.is_infinite() {
-            return Verdict::KEEP;
+            return 1;
         }
         let [start, end] = ends.map(|end| self.mesh.positions[end as usize]);
         let bow = |along: f64| {
@@ -193,24 +235,25 @@ impl Cutter {
         };
         // The bow grows with the square of the length. Where it is small in the middle it may still be an S.
         let middle = bow(0.5).sqrt();
-        if middle > 1.0 {
-            return Verdict::new(middle);
-        }
-        Verdict::new(bow(0.25).max(bow(0.75)).sqrt())
+        if middle > 1.0 { needed(middle) } else { needed(bow(0.25).max(bow(0.75)).sqrt()) }
     }
 
-    /// A vertex at the centroid of a triangle that bows in the middle, though not along its edges.
-    fn bulge(&mut self, triangle: &Triangle) -> Option<u32> {
+    /// The centroid of a triangle that bows in the middle, though not along its edges.
+    fn bulge(&mut self, piece: &[Corner; 3]) -> Option<Corner> {
         let Optics { samples, tolerance_px } = self.rule.optics.as_ref()?;
         if tolerance_px.is_infinite() {
             return None;
         }
-        for corner in triangle.corners {
-            self.tracks.entry(corner).or_insert_with(|| samples.track(self.mesh.positions[corner as usize]));
+        for corner in piece {
+            let position = self.mesh.positions[corner.vertex as usize];
+            self.tracks.entry(corner.vertex).or_insert_with(|| samples.track(position));
         }
-        let centroid = self.mesh.corners(triangle).iter().sum::<DVec3>() / 3.0;
-        let track = samples.track(centroid);
-        let corners = triangle.corners.map(|corner| &self.tracks[&corner]);
-        (samples.bow_px(&track, corners, [1.0 / 3.0; 3]) > *tolerance_px).then(|| self.mesh.add(centroid))
+        let centroid = piece.map(|corner| self.position(corner.vertex)).iter().sum::<DVec3>() / 3.0;
+        let corners = piece.map(|corner| &self.tracks[&corner.vertex]);
+        if samples.bow_px(&samples.track(centroid), corners, [1.0 / 3.0; 3]) <= *tolerance_px {
+            return None;
+        }
+        let weights = piece.iter().map(|corner| corner.weights).sum::<Vec3>() / 3.0;
+        Some(Corner { vertex: self.mesh.add(centroid), weights })
     }
 }

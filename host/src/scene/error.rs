@@ -32,7 +32,7 @@ pub enum Fault {
         reason: String,
     },
     /// The file's ending is not one we read.
-    #[error("unknown kind of file \"{extension}\", allowed are .{} and the name {}", EXTENSIONS.join(", ."), super::BUILTIN)]
+    #[error("unknown kind of file \"{extension}\", allowed are .{} and the names {}", EXTENSIONS.join(", ."), super::BUILT_IN.join(", "))]
     UnknownKind {
         /// In lower case, without its dot.
         extension: String,

@@ -18,6 +18,7 @@ mod mtl;
 mod obj;
 mod ply;
 mod shade;
+mod solids;
 mod texture;
 
 #[cfg(test)]
@@ -42,6 +43,9 @@ pub use texture::{Texture, Wrap, linear_from_srgb};
 
 /// The name that means [`Scene::builtin`] where a path to a file is asked for.
 pub const BUILTIN: &str = "builtin";
+
+/// The names that mean scenes without a file where a path to one is asked for: see [`Scene::load`].
+pub const BUILT_IN: [&str; 3] = [BUILTIN, "boxes", "knot"];
 
 /// File endings that [`Scene::load`] reads, in lower case.
 pub const EXTENSIONS: [&str; 4] = ["gltf", "glb", "obj", "ply"];
@@ -97,16 +101,19 @@ impl Default for Material {
 }
 
 impl Scene {
-    /// Reads a `.gltf`, `.glb`, `.obj` or `.ply` file (the ending in any case), or makes the built-in scene for the
-    /// name [`BUILTIN`]. The file's units are taken as metres and its axes as ours; see [`Scene::fit`].
+    /// Reads a `.gltf`, `.glb`, `.obj` or `.ply` file (the ending in any case), or makes a scene for one of the names [`BUILT_IN`]: the
+    /// built-in one, boxes with long edges, a trefoil knot of about 5,000 triangles. The file's units are taken as metres and its axes as ours; see [`Scene::fit`].
     ///
     /// # Errors
     /// [`SceneError`] in one line for a file that is missing, unreadable, of another kind, broken, truncated, empty,
     /// too large or that refers to what is not there.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let path = path.as_ref();
-        if path == Path::new(BUILTIN) {
-            return Ok(Self::builtin());
+        match path.to_str() {
+            Some(BUILTIN) => return Ok(Self::builtin()),
+            Some("boxes") => return Ok(builtin::boxes()),
+            Some("knot") => return Ok(builtin::knot()),
+            _ => {}
         }
         // The parsers of glTF, PLY, PNG and JPEG are not ours. We check what they rely on and know of no input that
         // makes them panic; this turns the one we have not met into an error.
@@ -133,7 +140,7 @@ impl Scene {
 
     /// The scene that needs no file, in metres, within a ball of radius 60 mm about the origin.
     pub fn builtin() -> Self {
-        builtin::build()
+        builtin::praxinoscope()
     }
 
     /// Smallest and largest coordinates of the vertices that triangles use, metres. A scene without triangles gives

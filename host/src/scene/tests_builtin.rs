@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use glam::{DVec3, Vec3};
 
-use super::{Scene, Shading, luminance, shade};
+use super::{BUILT_IN, Scene, Shading, luminance, shade};
 
 /// Triangles by the solid that they belong to: solids share no vertices.
 fn solids(scene: &Scene) -> Vec<Vec<[u32; 3]>> {
@@ -30,32 +30,51 @@ fn solids(scene: &Scene) -> Vec<Vec<[u32; 3]>> {
 }
 
 #[test]
-fn builtin_fits_the_display() {
-    let scene = Scene::builtin();
-    assert!(scene.radius() <= 0.060 && scene.radius() > 0.055, "{}", scene.radius());
-    assert!(scene.triangles.len() < 20_000);
-    assert!(scene.notes.is_empty(), "{:?}", scene.notes);
-    assert_eq!(scene.positions, Scene::builtin().positions, "the same every time");
+fn built_in_scenes_fit_the_display() {
+    for name in BUILT_IN {
+        let scene = Scene::load(name).unwrap();
+        assert!(scene.radius() <= 0.060 && scene.radius() > 0.055, "{name}: {}", scene.radius());
+        assert!(scene.triangles.len() < 20_000);
+        assert!(scene.notes.is_empty(), "{name}: {:?}", scene.notes);
+        assert_eq!(scene.positions, Scene::load(name).unwrap().positions, "the same every time");
+    }
 }
 
 #[test]
-fn builtin_is_made_of_closed_solids_with_their_outside_out() {
-    let scene = Scene::builtin();
-    let solids = solids(&scene);
-    assert!(solids.len() > 20, "{}", solids.len());
-    for solid in solids {
-        let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
-        let mut volume = 0.0;
-        for &[a, b, c] in &solid {
-            for (from, to) in [(a, b), (b, c), (c, a)] {
-                *edges.entry((from, to)).or_default() += 1;
-            }
-            let [a, b, c] = [a, b, c].map(|i| DVec3::from(scene.positions[i as usize]));
-            volume += a.dot(b.cross(c)) / 6.0;
-        }
-        assert!(edges.iter().all(|(&(a, b), &count)| count == 1 && edges.get(&(b, a)) == Some(&1)), "a hole");
-        assert!(volume > 1e-9, "inside out: {volume} m3");
+fn boxes_have_long_edges_and_the_knot_has_short_ones() {
+    let longest = |name: &str| {
+        let scene = Scene::load(name).unwrap();
+        let edges = scene.triangles.iter().flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]);
+        let lengths = edges.map(|ends| ends.map(|&end| scene.positions[end as usize])).map(|[a, b]| a.distance(b));
+        (scene.triangles.len(), lengths.fold(0.0, f32::max))
+    };
+    let (boxes, knot) = (longest("boxes"), longest("knot"));
+    assert!(boxes.0 == 96 && boxes.1 > 0.1 && boxes.1 < 0.12, "{boxes:?}");
+    assert!(knot.0 == 5120 && knot.1 < 0.01, "{knot:?}");
+}
+
+#[test]
+fn built_in_scenes_are_made_of_closed_solids_with_their_outside_out() {
+    for (name, count) in BUILT_IN.into_iter().zip([20, 8, 1]) {
+        let scene = Scene::load(name).unwrap();
+        let solids = solids(&scene);
+        assert!(solids.len() >= count, "{name}: {}", solids.len());
+        solids.iter().for_each(|solid| assert_closed(&scene, solid));
     }
+}
+
+fn assert_closed(scene: &Scene, solid: &[[u32; 3]]) {
+    let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
+    let mut volume = 0.0;
+    for &[a, b, c] in solid {
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            *edges.entry((from, to)).or_default() += 1;
+        }
+        let [a, b, c] = [a, b, c].map(|i| DVec3::from(scene.positions[i as usize]));
+        volume += a.dot(b.cross(c)) / 6.0;
+    }
+    assert!(edges.iter().all(|(&(a, b), &count)| count == 1 && edges.get(&(b, a)) == Some(&1)), "a hole");
+    assert!(volume > 1e-9, "inside out: {volume} m3");
 }
 
 #[test]

@@ -283,7 +283,7 @@ fn load_names_the_file_and_what_is_allowed() {
     let message = |path: &str| Scene::load(path).unwrap_err().to_string();
     assert_eq!(
         message("a.stl"),
-        "a.stl: unknown kind of file \"stl\", allowed are .gltf, .glb, .obj, .ply and the name builtin"
+        "a.stl: unknown kind of file \"stl\", allowed are .gltf, .glb, .obj, .ply and the names builtin, boxes, knot"
     );
     assert!(message("nowhere/a.OBJ").starts_with("nowhere/a.OBJ: cannot be read: "));
     let folder = tempfile::tempdir().unwrap();
@@ -292,5 +292,7 @@ fn load_names_the_file_and_what_is_allowed() {
     assert_eq!(Scene::load(&path).unwrap().name, "Cube");
     std::fs::create_dir(folder.path().join("b.ply")).unwrap();
     assert!(Scene::load(folder.path().join("b.ply")).unwrap_err().to_string().contains("not a regular file"));
-    assert_eq!(Scene::load("builtin").unwrap().name, "builtin");
+    for name in super::BUILT_IN {
+        assert_eq!(Scene::load(name).unwrap().name, name);
+    }
 }
