@@ -1,5 +1,6 @@
 //! The clear renderer: a task a slice, fixed-point rasterisation, depth by |V' − Q|, then halftone.
 
+use super::blur::eye_blur;
 use super::plan::Plan;
 use super::tessellate::{Mesh, Triangle, tessellate};
 use super::turn::{Depth, Turn};
@@ -8,7 +9,7 @@ use crate::scene::{ShadedScene, Texture, luminance};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use protocol::rig::Rig;
 use rayon::prelude::*;
-use shaders::halftone::{Blur, Slot, halftone};
+use shaders::halftone::{Slot, halftone};
 use shaders::project::methods::Method;
 use shaders::project::{SliceOptics, Visibility};
 use std::sync::Arc;
@@ -46,7 +47,7 @@ impl Renderer for CpuRenderer {
                 match plan.halftone.binary() {
                     Some(method) => halftone(
                         method,
-                        Slot { slice: slice as u32, turn: 0, blur: Blur::ROUND },
+                        Slot { slice: slice as u32, turn: 0, blur: eye_blur(rig, slice as u32) },
                         width,
                         &canvas.luminance,
                         bytes,
