@@ -2,6 +2,8 @@
 
 use std::sync::OnceLock;
 
+pub mod search;
+
 /// How a slice's luminance becomes bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Halftone {
@@ -12,6 +14,8 @@ pub enum Halftone {
     BlueNoise,
     /// Error diffusion in serpentine order with slight threshold noise.
     FloydSteinberg,
+    /// The shifted mask, improved by local search toward an error that an eye's blur removes: see [`search`].
+    Search,
 }
 
 /// The slot in time and space that a slice fills, for the methods that mind.
@@ -51,6 +55,10 @@ pub fn halftone(method: Halftone, slot: Slot, width: u32, luminance: &[f32], pla
             });
         }
         Halftone::FloydSteinberg => floyd_steinberg(slot.slice, width, luminance, plane),
+        Halftone::Search => {
+            halftone(Halftone::BlueNoise, slot, width, luminance, plane);
+            search::improve(slot.blur, width, luminance, plane);
+        }
     }
 }
 
@@ -217,7 +225,7 @@ fn hash(a: u32, b: u32, c: u32) -> u32 {
 mod tests {
     use super::*;
 
-    const METHODS: [Halftone; 3] = [Halftone::Bayer, Halftone::BlueNoise, Halftone::FloydSteinberg];
+    const METHODS: [Halftone; 4] = [Halftone::Bayer, Halftone::BlueNoise, Halftone::FloydSteinberg, Halftone::Search];
 
     fn plane(method: Halftone, slice: u32, width: u32, luminance: &[f32]) -> Vec<u8> {
         let mut plane = vec![0xAA; plane_stride(width) * (luminance.len() / width as usize)];

@@ -1,5 +1,6 @@
 //! The clear renderer: a task a slice, then halftone.
 
+use super::blur::eye_blur;
 use super::canvas::{Canvas, Coverage};
 use super::mesh::Mesh;
 use super::plan::{DepthTest, Edges, Plan, Precision};
@@ -12,7 +13,7 @@ use crate::scene::ShadedScene;
 use glam::{DVec2, DVec3};
 use protocol::rig::{Rig, Viewers};
 use rayon::prelude::*;
-use shaders::halftone::{Blur, Slot, halftone};
+use shaders::halftone::{Slot, halftone};
 use shaders::project::SliceOptics;
 use shaders::project::methods::{FaceOptics, Real};
 
@@ -91,7 +92,7 @@ fn render<F: Real>(
             match plan.halftone.binary() {
                 Some(method) => halftone(
                     method,
-                    Slot { slice: slice as u32, turn: 0, blur: Blur::ROUND },
+                    Slot { slice: slice as u32, turn: 0, blur: eye_blur(rig, slice as u32) },
                     width,
                     &canvas.luminance,
                     bytes,

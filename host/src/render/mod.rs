@@ -1,5 +1,6 @@
 //! A scene becomes a turn of slices; and what a pinhole would see, to compare with.
 
+pub mod blur;
 pub mod bow;
 mod canvas;
 pub mod cpu;

@@ -142,6 +142,8 @@ pub enum Halftone {
     BlueNoise,
     /// Error diffusion.
     FloydSteinberg,
+    /// Bits searched for the least error after an eye's blur.
+    Search,
     /// None: slices of 8-bit linear luminance, which no projector shows; they tell optics from halftone.
     Grey,
 }
@@ -153,6 +155,7 @@ impl Halftone {
             Self::Bayer => Some(halftone::Halftone::Bayer),
             Self::BlueNoise => Some(halftone::Halftone::BlueNoise),
             Self::FloydSteinberg => Some(halftone::Halftone::FloydSteinberg),
+            Self::Search => Some(halftone::Halftone::Search),
             Self::Grey => None,
         }
     }
