@@ -36,12 +36,18 @@ pub fn picture(seen: Seen) -> Picture {
     Picture { width: seen.pixels, height: seen.pixels, colours: seen.colours, known: seen.reached }
 }
 
+/// The slices of a turn that reach some ray of `view`.
+pub fn reaching(rig: &Rig, view: &View) -> Vec<u32> {
+    let half = PI / f64::from(rig.rotation.slices);
+    let reaches = |slice: &u32| {
+        let angle = rig.slice_angle(*slice);
+        let flash = Flash { start: angle - half, end: angle + half, picture: eye::Picture::Dark };
+        eye::expose(rig, &[flash], 1.0, 4, view, Brightness::Divided, &|| ()).reached.contains(&true)
+    };
+    (0..rig.rotation.slices).filter(reaches).collect()
+}
+
 /// How many slices of a turn reach some ray of `view`.
 pub fn reaching_slices(rig: &Rig, view: &View) -> usize {
-    let reaches = |slice| {
-        let angle = rig.slice_angle(slice);
-        let flash = Flash { start: angle, end: angle, picture: eye::Picture::Dark };
-        eye::expose(rig, &[flash], 1.0, 1, view, Brightness::Divided, &|| ()).reached.contains(&true)
-    };
-    (0..rig.rotation.slices).filter(|slice| reaches(*slice)).count()
+    reaching(rig, view).len()
 }

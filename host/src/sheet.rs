@@ -10,20 +10,37 @@ use std::error::Error;
 use std::sync::Once;
 
 /// What a drawing library says when it fails; with a drawing in memory, only a programming error makes it.
-type Drawing = Result<(), Box<dyn Error>>;
+pub(crate) type Drawing = Result<(), Box<dyn Error>>;
 
-const PAPER: RGBColor = RGBColor(24, 24, 28);
-const INK: RGBColor = RGBColor(222, 222, 226);
-const FAINT: RGBColor = RGBColor(70, 70, 78);
+pub(crate) const PAPER: RGBColor = RGBColor(24, 24, 28);
+pub(crate) const INK: RGBColor = RGBColor(222, 222, 226);
+pub(crate) const FAINT: RGBColor = RGBColor(70, 70, 78);
 const TITLE_PX: i32 = 22;
 
-/// Draws in memory and gives the PNG.
-fn draw(width: u32, height: u32, paint: impl FnOnce(&DrawingArea<BitMapBackend<'_>, Shift>) -> Drawing) -> Vec<u8> {
-    static FONT: Once = Once::new();
-    FONT.call_once(|| {
+/// A generic family for SVG, and the name of the font inside the program.
+const FONT: &str = "monospace";
+
+/// Makes [`FONT`] known to the drawing library.
+pub(crate) fn with_font() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
         // Refused only for bytes that are no font.
-        let _ = register_font("mono", FontStyle::Normal, HACK_REGULAR);
+        let _ = register_font(FONT, FontStyle::Normal, HACK_REGULAR);
     });
+}
+
+/// Text of `size` px in the colour of ink.
+pub(crate) fn ink(size: i32) -> TextStyle<'static> {
+    (FONT, size).into_font().color(&INK)
+}
+
+/// Draws in memory and gives the PNG.
+pub(crate) fn draw(
+    width: u32,
+    height: u32,
+    paint: impl FnOnce(&DrawingArea<BitMapBackend<'_>, Shift>) -> Drawing,
+) -> Vec<u8> {
+    with_font();
     let mut pixels = vec![0; (width * height * 3) as usize];
     {
         let area = BitMapBackend::with_buffer(&mut pixels, (width, height)).into_drawing_area();
@@ -52,7 +69,7 @@ pub fn sheet(tiles: &[Tile], columns: usize) -> Vec<u8> {
     let rows = tiles.len().div_ceil(columns);
     let size = (step_x * columns as i32 + GAP, step_y * rows as i32 + GAP);
     draw(size.0 as u32, size.1 as u32, |area| {
-        let style = ("mono", 13).into_font().color(&INK);
+        let style = ink(13);
         for (index, tile) in tiles.iter().enumerate() {
             let (x, y) = (GAP + (index % columns) as i32 * step_x, GAP + (index / columns) as i32 * step_y);
             area.draw(&Text::new(tile.title.clone(), (x, y), style.clone()))?;
@@ -94,9 +111,8 @@ pub fn plot(panels: &[Panel<'_>]) -> Vec<u8> {
 
 fn plot_panel(area: &DrawingArea<BitMapBackend<'_>, Shift>, panel: &Panel<'_>) -> Drawing {
     let ((from, to), (low, high)) = (panel.seconds, panel.values);
-    let text = |size: i32| ("mono", size).into_font().color(&INK);
     let mut chart = ChartBuilder::on(area)
-        .caption(&panel.title, text(15))
+        .caption(&panel.title, ink(15))
         .margin(10)
         .x_label_area_size(36)
         .y_label_area_size(64)
@@ -107,8 +123,8 @@ fn plot_panel(area: &DrawingArea<BitMapBackend<'_>, Shift>, panel: &Panel<'_>) -
         .y_desc(panel.unit)
         // Adding 0 makes a negative zero plain.
         .y_label_formatter(&|value| format!("{:.*}", decimals(high - low), value + 0.0 * high))
-        .label_style(text(12))
-        .axis_desc_style(text(13))
+        .label_style(ink(12))
+        .axis_desc_style(ink(13))
         .axis_style(INK)
         .bold_line_style(FAINT)
         .light_line_style(PAPER)
@@ -121,7 +137,7 @@ fn plot_panel(area: &DrawingArea<BitMapBackend<'_>, Shift>, panel: &Panel<'_>) -
         chart.draw_series(LineSeries::new([(*at, low), (*at, high)], RGBColor(120, 120, 130)))?;
         // Names of moments close together must not lie on each other.
         let height = low + (high - low) * (0.3 - 0.07 * (row % 4) as f64);
-        chart.draw_series([Text::new(format!(" {name}"), (*at, height), text(12))])?;
+        chart.draw_series([Text::new(format!(" {name}"), (*at, height), ink(12))])?;
     }
     let visible = panel.points.iter().filter(|(at, _)| (from..=to).contains(at));
     let points = visible.map(|(at, value)| (*at, value.clamp(low, high)));

@@ -1,6 +1,7 @@
 //! One file a subcommand. This one reads the command line, and is the edge at which errors become one line and exit code 2.
 
 mod args;
+mod chart;
 mod compare;
 mod demo;
 mod plan;
@@ -32,6 +33,7 @@ enum Command {
     Render(render::Args),
     See(see::Args),
     Plan(plan::Args),
+    Chart(chart::Args),
     Truth(truth::Args),
     Compare(compare::Args),
     Project(project::Args),
@@ -64,6 +66,7 @@ pub fn main() -> ExitCode {
         Command::Demo(args) => demo::run(&args),
         Command::Render(args) => render::run(&args),
         Command::See(args) => see::run(&args),
+        Command::Chart(args) => chart::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Truth(args) => truth::run(&args),
         Command::Compare(args) => compare::run(&args),
