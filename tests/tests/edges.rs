@@ -113,3 +113,31 @@ fn explore() {
         }
     }
 }
+
+#[test]
+fn where_from() {
+    let whole = scene("builtin");
+    for (name, range) in [("bars", 0..144), ("floor", 144..156), ("rest", 156..whole.triangles.len())] {
+        let scene = host::scene::ShadedScene { triangles: whole.triangles[range].to_vec(), textures: vec![] };
+        let rig = rig("high-viewer");
+        for projection in [Projection::Planar, Projection::ConeRoot] {
+            for (edges, bow_px) in [
+                (Edges::Uniform, 0.5),
+                (Edges::Uniform, 0.8),
+                (Edges::Adaptive, 0.5),
+                (Edges::Adaptive, 0.48),
+                (Edges::Adaptive, 0.52),
+                (Edges::Adaptive, 0.55),
+            ] {
+                let plan = plan(projection, edges, bow_px);
+                let mesh = tessellate(&scene, &rig, &plan).unwrap();
+                println!(
+                    "{name} {projection:?} {edges:?} {bow_px} {} -> {} {:?}",
+                    scene.triangles.len(),
+                    mesh.triangles.len(),
+                    if name == "rest" { Bow::default() } else { measured(&mesh, &rig, &plan, 3) }
+                );
+            }
+        }
+    }
+}
