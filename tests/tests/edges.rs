@@ -1,14 +1,17 @@
 //! How edges are brought to the curves that the optics make of them: the bow that is left, and with how many triangles.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
+use host::render::cpu::CpuRenderer;
 use host::render::mesh::Mesh;
-use host::render::plan::{Edges, Plan, Projection};
+use host::render::plan::{DepthTest, Edges, Halftone, Plan, Precision, Projection};
 use host::render::tessellate::tessellate;
+use host::render::{Renderer, anything_visible};
+use host::scene::{ShadedScene, ShadedTriangle};
 use protocol::rig::Rig;
 use shaders::project::methods::Method;
 use shaders::project::{Projected, SliceOptics, Visibility};
 use std::collections::HashMap;
-use tests::{rig, scene};
+use tests::{bunny, rig, scene};
 
 /// The largest bow left in a mesh, in pixels: along edges and inside pieces.
 #[derive(Clone, Copy, Debug, Default)]
@@ -90,26 +93,282 @@ fn plan(projection: Projection, edges: Edges, bow_px: f64) -> Plan {
     Plan { projection, edges, bow_px, ..Plan::default() }
 }
 
+/// The triangles of a scene that have an edge longer than 12 mm.
+fn long(scene: &ShadedScene) -> ShadedScene {
+    let is_long = |triangle: &&ShadedTriangle| {
+        let [a, b, c] = triangle.positions;
+        a.distance(b).max(b.distance(c)).max(c.distance(a)) > 0.012
+    };
+    ShadedScene {
+        triangles: scene.triangles.iter().filter(is_long).copied().collect(),
+        textures: scene.textures.clone(),
+    }
+}
+
+/// Edges cut where they bow keep the bound, with far fewer triangles than edges of one length.
 #[test]
-fn explore() {
+fn adaptive_edges_keep_their_bound_with_fewer_triangles() {
     for name in ["boxes", "builtin"] {
-        let scene = scene(name);
+        let scene = long(&scene(name));
         for rig_name in ["reference", "high-viewer", "tent"] {
             for projection in [Projection::Planar, Projection::ConeRoot] {
                 let rig = rig(rig_name);
-                for (edges, bow_px) in [(Edges::Uniform, 0.5), (Edges::Adaptive, 0.5), (Edges::Adaptive, 8.0)] {
-                    let plan = plan(projection, edges, bow_px);
-                    let start = std::time::Instant::now();
+                let [adaptive, uniform] = [Edges::Adaptive, Edges::Uniform].map(|edges| {
+                    let plan = plan(projection, edges, 0.5);
                     let mesh = tessellate(&scene, &rig, &plan).unwrap();
-                    let ms = start.elapsed().as_millis();
-                    println!(
-                        "{name} {rig_name} {projection:?} {edges:?} {bow_px}: {} -> {} {:?} {ms} ms",
-                        scene.triangles.len(),
-                        mesh.triangles.len(),
-                        measured(&mesh, &rig, &plan, if name == "boxes" { 11 } else { 29 })
-                    );
+                    (mesh.triangles.len(), measured(&mesh, &rig, &plan, 7).largest())
+                });
+                // The fewest triangles of one length that keep the bound in fact.
+                let fair = [1.1, 1.0, 0.9, 0.8, 0.7, 0.6].into_iter().find_map(|bow_px| {
+                    let plan = plan(projection, Edges::Uniform, bow_px);
+                    let mesh = tessellate(&scene, &rig, &plan).unwrap();
+                    (measured(&mesh, &rig, &plan, 7).largest() <= 0.5).then_some(mesh.triangles.len())
+                });
+                let fair = fair.unwrap_or(uniform.0);
+                println!(
+                    "{name} {rig_name} {projection:?}: {} triangles become {} with {:.3} px; of one length {} with {:.3} px, \
+                     at least {fair}",
+                    scene.triangles.len(),
+                    adaptive.0,
+                    adaptive.1,
+                    uniform.0,
+                    uniform.1
+                );
+                assert!(adaptive.1 <= 0.5, "{name} {rig_name} {projection:?}: {adaptive:?}");
+                assert!(adaptive.0 <= fair && 2 * adaptive.0 <= uniform.0, "{name} {rig_name} {projection:?}");
+            }
+        }
+    }
+}
+
+/// The same bound over every slice, at other bounds too.
+#[test]
+fn no_slice_bows_more_than_asked() {
+    let scene = scene("boxes");
+    for (rig_name, projection) in [("reference", Projection::ConeNewton), ("high-viewer", Projection::Planar)] {
+        for (edges, bow_px) in
+            [(Edges::Adaptive, 0.5), (Edges::Adaptive, 0.1), (Edges::Discard, 8.0), (Edges::Uniform, 0.5)]
+        {
+            let (rig, plan) = (rig(rig_name), plan(projection, edges, bow_px));
+            let mesh = tessellate(&scene, &rig, &plan).unwrap();
+            let bow = measured(&mesh, &rig, &plan, if bow_px < 0.2 { 7 } else { 1 });
+            println!(
+                "{rig_name} {projection:?} {edges:?} {bow_px} px: {bow:.3?} with {} triangles",
+                mesh.triangles.len()
+            );
+            assert!(bow.largest() <= bow_px, "{rig_name} {projection:?} {edges:?} {bow_px}: {bow:?}");
+        }
+    }
+}
+
+/// In a closed solid every edge is run through as often one way as the other; so are the edges of its pieces.
+#[test]
+fn no_crack_opens() {
+    for name in ["boxes", "builtin", "knot"] {
+        for edges in [Edges::Straight, Edges::Uniform, Edges::Adaptive, Edges::Discard] {
+            let scene = scene(name);
+            let mesh = tessellate(&scene, &rig("high-viewer"), &plan(Projection::ConeNewton, edges, 0.5)).unwrap();
+            let mut balance: HashMap<[u32; 2], i32> = HashMap::new();
+            for [a, b, c] in mesh.triangles.iter().map(|triangle| triangle.corners) {
+                for (from, to) in [(a, b), (b, c), (c, a)] {
+                    *balance.entry([from.min(to), from.max(to)]).or_default() += if from < to { 1 } else { -1 };
+                }
+            }
+            assert!(balance.values().all(|sum| *sum == 0), "{name} {edges:?}");
+            let area = |corners: [DVec3; 3]| (corners[1] - corners[0]).cross(corners[2] - corners[0]).length() / 2.0;
+            let before: f64 = scene.triangles.iter().map(|triangle| area(triangle.positions.map(Vec3::as_dvec3))).sum();
+            let after: f64 = mesh.triangles.iter().map(|triangle| area(mesh.corners(triangle))).sum();
+            assert!((after / before - 1.0).abs() < 1e-6, "{name} {edges:?}: {before} {after}");
+        }
+    }
+}
+
+/// Slices drawn by a plan, in grey.
+fn slices(scene: &ShadedScene, rig: &Rig, plan: &Plan, slices: &[u32]) -> Vec<Vec<u8>> {
+    let plan = Plan { halftone: Halftone::Grey, ..*plan };
+    let turn = CpuRenderer.render_slices(scene, rig, &plan, slices, &|| ()).unwrap();
+    slices.iter().map(|slice| turn.slice(*slice).to_vec()).collect()
+}
+
+/// Lit pixels of `exact`, and those in which `drawn` differs by more than rounding.
+fn differing(exact: &[Vec<u8>], drawn: &[Vec<u8>]) -> (usize, usize) {
+    let pairs = || exact.iter().flatten().zip(drawn.iter().flatten());
+    (
+        pairs().filter(|(exact, _)| **exact > 0).count(),
+        pairs().filter(|(exact, drawn)| exact.abs_diff(**drawn) > 2).count(),
+    )
+}
+
+const SLICES: [u32; 3] = [3, 110, 230];
+
+/// Every way of drawing against a ray for every pixel.
+#[test]
+fn all_ways_draw_what_rays_find() {
+    let mut scenes = vec![("boxes", scene("boxes")), ("builtin", scene("builtin"))];
+    scenes.extend(bunny().map(|bunny| ("bunny", bunny)));
+    for (name, scene) in scenes {
+        for (rig_name, projection) in
+            [("reference", Projection::ConeNewton), ("high-viewer", Projection::Planar), ("tent", Projection::ConeRoot)]
+        {
+            let rig = rig(rig_name);
+            let rays = slices(&scene, &rig, &plan(projection, Edges::Rays, 0.5), &SLICES);
+            for (edges, bow_px, precision, share) in [
+                (Edges::Straight, 0.5, Precision::Single, 0.3),
+                (Edges::Uniform, 0.5, Precision::Single, 0.02),
+                (Edges::Adaptive, 0.5, Precision::Single, 0.02),
+                (Edges::Adaptive, 0.5, Precision::Double, 0.02),
+                (Edges::Discard, 8.0, Precision::Single, 0.0005),
+                (Edges::Discard, 2.0, Precision::Double, 0.0005),
+            ] {
+                let plan = Plan { precision, ..plan(projection, edges, bow_px) };
+                let (lit, wrong) = differing(&rays, &slices(&scene, &rig, &plan, &SLICES));
+                println!(
+                    "{name} {rig_name} {projection:?} {edges:?} {bow_px} px {precision:?}: {wrong} of {lit} lit pixels \
+                     differ, {:.3} %",
+                    100.0 * wrong as f64 / lit as f64
+                );
+                assert!(lit > 10_000 && (wrong as f64) <= share * lit as f64, "{name} {rig_name} {edges:?}");
+            }
+        }
+    }
+}
+
+/// A closed white solid has no dark pixel where the rays have none around it.
+#[test]
+fn solids_have_no_holes() {
+    let mut scene = scene("boxes");
+    scene.triangles.iter_mut().for_each(|triangle| triangle.radiance = [Vec3::ONE; 3]);
+    let rig = rig("reference");
+    let rays = slices(&scene, &rig, &plan(Projection::ConeNewton, Edges::Rays, 0.5), &SLICES);
+    for (edges, bow_px) in
+        [(Edges::Straight, 0.5), (Edges::Uniform, 0.5), (Edges::Adaptive, 0.5), (Edges::Discard, 8.0)]
+    {
+        let drawn = slices(&scene, &rig, &plan(Projection::ConeNewton, edges, bow_px), &SLICES);
+        let reach: i32 = if edges == Edges::Straight { 20 } else { 1 };
+        let holes: usize = rays.iter().zip(&drawn).map(|(rays, drawn)| holes(rays, drawn, reach)).sum();
+        assert_eq!(holes, 0, "{edges:?}");
+    }
+}
+
+/// Dark pixels that are lit in `rays`, and are so for `reach` pixels around.
+fn holes(rays: &[u8], drawn: &[u8], reach: i32) -> usize {
+    let at = |x: i32, y: i32| rays[(y * 768 + x) as usize] > 0;
+    let dark = (0..768 * 768).filter(|cell| rays[*cell as usize] > 0 && drawn[*cell as usize] == 0);
+    let inner = |cell: &i32| {
+        let around = |centre: i32| (centre - reach).max(0)..=(centre + reach).min(767);
+        around(cell / 768).all(|y| around(cell % 768).all(|x| at(x, y)))
+    };
+    dark.filter(inner).count()
+}
+
+fn triangle(positions: [[f32; 3]; 3], luminance: f32) -> ShadedTriangle {
+    ShadedTriangle {
+        positions: positions.map(Vec3::from),
+        radiance: [Vec3::splat(luminance); 3],
+        uv: [Vec2::ZERO; 3],
+        texture: None,
+    }
+}
+
+fn scene_of(triangles: Vec<ShadedTriangle>) -> ShadedScene {
+    ShadedScene { triangles, textures: Vec::new() }
+}
+
+/// Two large triangles that cut through each other, nearly one on the other.
+#[test]
+fn exact_depth_finds_the_line_where_surfaces_meet() {
+    let scene = scene_of(vec![
+        triangle([[-0.04, -0.04, 0.001], [0.05, -0.02, -0.002], [0.0, 0.05, 0.0015]], 0.9),
+        triangle([[-0.045, 0.03, -0.001], [0.0, -0.05, 0.0005], [0.045, 0.035, 0.0]], 0.4),
+    ]);
+    let rig = rig("reference");
+    let rays = slices(&scene, &rig, &plan(Projection::ConeNewton, Edges::Rays, 0.5), &SLICES);
+    for bow_px in [0.5, 2.0] {
+        let [linear, exact] = [DepthTest::Linear, DepthTest::Exact].map(|depth| {
+            let plan = Plan { depth, ..plan(Projection::ConeNewton, Edges::Adaptive, bow_px) };
+            differing(&rays, &slices(&scene, &rig, &plan, &SLICES))
+        });
+        let discarded =
+            differing(&rays, &slices(&scene, &rig, &plan(Projection::ConeNewton, Edges::Discard, 8.0), &SLICES));
+        println!(
+            "pieces of {bow_px} px: linear, exact, discarded: {linear:?} {exact:?} {discarded:?} (lit, differing)"
+        );
+        assert!(exact.1 < linear.1 && discarded.1 < 20, "{linear:?} {exact:?} {discarded:?}");
+    }
+}
+
+/// Needles, and triangles far larger than panel and reach, in every way, with rims of the panel across them.
+#[test]
+fn needles_and_walls_are_drawn() {
+    let wall = |luminance| {
+        vec![
+            triangle([[-2.0, -2.0, -0.02], [2.0, -2.0, 0.03], [2.0, 2.0, 0.01]], luminance),
+            triangle([[-2.0, -2.0, -0.02], [2.0, 2.0, 0.01], [-2.0, 2.0, -0.04]], luminance),
+        ]
+    };
+    let mut needles = vec![triangle([[-0.05, -0.03, 0.0], [0.05, 0.03, 0.01], [0.05, 0.0301, 0.0102]], 0.8)];
+    needles.push(triangle([[0.0, -0.05, 0.02], [0.0002, 0.05, 0.02], [0.003, -0.05, 0.018]], 0.6));
+    needles.push(triangle([[0.01, 0.0, 0.0], [0.01, 0.0, 0.0], [0.02, 0.0, 0.0]], 0.7));
+    for (name, triangles, at_least) in [("wall", wall(0.7), 500_000), ("needles", needles, 500)] {
+        let scene = scene_of(triangles);
+        for rig_name in ["reference", "tent"] {
+            let rig = rig(rig_name);
+            let rays = slices(&scene, &rig, &plan(Projection::ConeNewton, Edges::Rays, 0.5), &SLICES);
+            for (edges, bow_px) in
+                [(Edges::Straight, 0.5), (Edges::Uniform, 0.5), (Edges::Adaptive, 0.5), (Edges::Discard, 8.0)]
+            {
+                let drawn = slices(&scene, &rig, &plan(Projection::ConeNewton, edges, bow_px), &SLICES);
+                let (lit, wrong) = differing(&rays, &drawn);
+                println!("{name} {rig_name} {edges:?}: {wrong} of {lit} differ");
+                assert!(lit >= at_least);
+                if name == "wall" || edges == Edges::Discard {
+                    assert!(wrong * 100 < lit, "{name} {rig_name} {edges:?}: {wrong} of {lit}");
+                } else if edges != Edges::Straight {
+                    assert!(wrong * 2 < lit, "{name} {rig_name} {edges:?}: {wrong} of {lit}");
                 }
             }
         }
+    }
+}
+
+/// Where viewers are so low that some sight lines leave the mirror from behind.
+#[test]
+fn the_lit_limit_is_drawn_as_rays_find_it() {
+    let low = include_str!("../../host/rigs/reference.toml").replace("height_m = 0.35", "height_m = -0.893");
+    let rig = Rig::parse(&low).unwrap();
+    let scene = scene("boxes");
+    let rays = slices(&scene, &rig, &plan(Projection::ConeRoot, Edges::Rays, 0.5), &SLICES);
+    for (edges, bow_px) in [(Edges::Adaptive, 0.5), (Edges::Discard, 8.0)] {
+        let (lit, wrong) = differing(&rays, &slices(&scene, &rig, &plan(Projection::ConeRoot, edges, bow_px), &SLICES));
+        println!("{edges:?}: {wrong} of {lit} differ");
+        assert!(lit > 0 && wrong * 50 < lit, "{edges:?}: {wrong} of {lit}");
+    }
+}
+
+#[test]
+fn what_is_out_of_sight_is_known() {
+    let at = |x: f32, y: f32| scene_of(vec![triangle([[x, y, 0.0], [x + 0.02, y, 0.0], [x, y + 0.02, 0.01]], 1.0)]);
+    for name in ["reference", "high-viewer", "tent"] {
+        let rig = rig(name);
+        for (scene, expected) in [
+            (at(0.0, 0.0), true),
+            (at(5.0, 0.0), false),
+            (at(0.0, 0.5), false),
+            (at(0.5, 0.0), false),
+            (scene_of(Vec::new()), false),
+        ] {
+            assert_eq!(anything_visible(&scene, &rig), expected, "{name} {:?}", scene.triangles);
+            let all: Vec<u32> = (0..288).step_by(9).collect();
+            let lit = slices(&scene, &rig, &Plan::default(), &all).concat().into_iter().any(|value| value > 0);
+            assert_eq!(lit, expected, "{name} {:?}", scene.triangles);
+        }
+    }
+    // What only just reaches the panel's rim is no false alarm: wherever something is lit, it is known.
+    let rig = rig("reference");
+    for step in 0..40u8 {
+        let scene = at(0.0, 0.05 + 0.005 * f32::from(step));
+        let all: Vec<u32> = (0..288).step_by(9).collect();
+        let lit = slices(&scene, &rig, &Plan::default(), &all).concat().into_iter().any(|value| value > 0);
+        assert!(!lit || anything_visible(&scene, &rig), "{step}");
     }
 }

@@ -10,12 +10,15 @@ mod sight;
 pub mod tessellate;
 pub mod truth;
 pub mod turn;
+mod visible;
 
 use crate::scene::ShadedScene;
 use plan::Plan;
 use protocol::rig::Rig;
 use thiserror::Error;
 use turn::Turn;
+
+pub use visible::anything_visible;
 
 /// Why a turn cannot be rendered.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]

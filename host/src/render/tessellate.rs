@@ -19,6 +19,9 @@ const SHORTEST_M: f64 = 1e-5;
 /// An edge is cut into at most as many parts at once.
 const PARTS_MAX: f64 = 64.0;
 
+/// Edges that need as many parts bow evenly along each.
+const PARTS_EVEN: u32 = 10;
+
 /// The bow by samples, times this, is not below the bow in any slice: 24 of 288 slices and a few places on each piece miss some
 /// of it.
 const RESERVE: f64 = 1.05;
@@ -74,6 +77,23 @@ struct Rule {
 struct Optics {
     samples: Samples,
     tolerance_px: f64,
+}
+
+impl Rule {
+    /// The bow of an edge over what is allowed. It grows with the square of the length. Where it is small in the middle it may still be
+    /// an S.
+    fn strain(&self, start: DVec3, end: DVec3, from: &Track, to: &Track) -> f64 {
+        let Some(Optics { samples, tolerance_px }) = &self.optics else { return 0.0 };
+        let bow = |along: f64| {
+            samples.bow_px(&samples.track(start.lerp(end, along)), [from, to], [1.0 - along, along]) / tolerance_px
+        };
+        let middle = bow(0.5);
+        if middle > 1.0 { middle } else { middle.max(bow(0.25)).max(bow(0.75)) }
+    }
+}
+
+fn along(start: DVec3, end: DVec3, part: u32, parts: u32) -> DVec3 {
+    start.lerp(end, f64::from(part) / f64::from(parts))
 }
 
 /// A vertex of a piece, with its weights of the corners of the scene's triangle.
@@ -194,8 +214,7 @@ impl Cutter {
         if !self.edges.contains_key(&ends) {
             let parts = self.parts(ends);
             let [start, end] = ends.map(|end| self.position(end));
-            let places = (1..parts).map(|part| self.mesh.add(start.lerp(end, f64::from(part) / f64::from(parts))));
-            let places = places.collect();
+            let places = (1..parts).map(|part| self.mesh.add(along(start, end, part, parts))).collect();
             self.edges.insert(ends, places);
         }
         let places = &self.edges[&ends];
@@ -229,13 +248,19 @@ impl Cutter {
         if tolerance_px.is_infinite() {
             return 1;
         }
-        let [start, end] = ends.map(|end| self.mesh.positions[end as usize]);
-        let bow = |along: f64| {
-            samples.bow_px(&samples.track(start.lerp(end, along)), [from, to], [1.0 - along, along]) / tolerance_px
+        let [start, end] = ends.map(|end| self.position(end));
+        let first = needed(self.rule.strain(start, end, from, to).sqrt());
+        let holds = |parts: u32| {
+            let tracks: Vec<_> = (0..=parts).map(|part| samples.track(along(start, end, part, parts))).collect();
+            (0..parts).all(|part| {
+                let [from, to] = [part, part + 1].map(|part| along(start, end, part, parts));
+                self.rule.strain(from, to, &tracks[part as usize], &tracks[part as usize + 1]) <= 1.0
+            })
         };
-        // The bow grows with the square of the length. Where it is small in the middle it may still be an S.
-        let middle = bow(0.5).sqrt();
-        if middle > 1.0 { needed(middle) } else { needed(bow(0.25).max(bow(0.75)).sqrt()) }
+        // Where the bow is not even, some parts are too long. A part or two more serves better than cutting those alone: parallel edges
+        // of a scene are then cut alike. Many parts are even enough.
+        let more = if (2..PARTS_EVEN).contains(&first) { first + first.div_ceil(2) } else { first };
+        (first..more).find(|parts| holds(*parts)).unwrap_or(first)
     }
 
     /// The centroid of a triangle that bows in the middle, though not along its edges.
