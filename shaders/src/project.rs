@@ -151,7 +151,10 @@ impl SliceOptics {
     pub fn project(&self, point: DVec3) -> Projected {
         let mut projected =
             Projected { viewer: None, pixel: None, mirror: None, depth_m: None, visibility: Visibility::NoViewer };
-        let Some(viewer) = self.viewer_of(point) else { return projected };
+        // Farther than 1e154 m, squares of distances are infinite.
+        let Some(viewer) = self.viewer_of(point).filter(|viewer| viewer.depth_of(point).is_finite()) else {
+            return projected;
+        };
         projected.viewer = Some(viewer);
         projected.depth_m = Some(viewer.depth_of(point));
         let Some(mirror) = self.mirror_point(point, viewer) else {
@@ -260,6 +263,12 @@ impl SliceOptics {
         self.corners().into_iter().map(|corner| scale(corner).unwrap_or(f64::INFINITY)).fold(0.0, f64::max)
     }
 
+    /// The largest coordinate in the image of the panel's corners, in pixels.
+    fn largest_px(&self) -> f64 {
+        let pixels = self.corners().map(|corner| self.camera.project(corner));
+        pixels.into_iter().flatten().map(|pixel| pixel.abs().max_element()).fold(0.0, f64::max)
+    }
+
     /// |M − P| in metres.
     pub fn throw_m(&self, mirror: DVec3) -> f64 {
         mirror.distance(self.camera.position)
@@ -298,7 +307,7 @@ impl SliceOptics {
                     return None;
                 }
                 let viewer = level + (discriminant.sqrt() - along) * away;
-                Some(Viewer::At(DVec3::new(viewer.x, height_m, viewer.y)))
+                viewer.is_finite().then(|| Viewer::At(DVec3::new(viewer.x, height_m, viewer.y)))
             }
             Viewers::Infinity { elevation } => {
                 let level = away * elevation.cos();

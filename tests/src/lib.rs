@@ -1,5 +1,7 @@
 //! What the whole-system tests share. The tests themselves live in `tests/`.
 
+pub mod rule;
+
 use glam::DVec3;
 use host::measure::{Likeness, compare};
 use host::picture::Picture;

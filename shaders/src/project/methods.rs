@@ -18,9 +18,10 @@ pub enum Method {
     Planar,
     /// On the diffuser's cone, by finding the root for every vertex.
     ConeRoot,
-    /// On the cone, by a table of the root's distance from the planar answer over slice-independent coordinates.
+    /// On the cone, by a table of the root's distance from the planar answer over slice-independent coordinates, made and measured
+    /// in [`FaceOptics::new`]; by Newton's steps outside it, and where the projector is so far aside that there is none.
     ConeTable,
-    /// On the cone, by Newton's steps from the planar answer.
+    /// On the cone, by Newton's steps from the planar answer, to 0.05 px.
     ConeNewton,
 }
 
@@ -103,7 +104,7 @@ pub struct FaceOptics<F> {
 impl<F: Real> FaceOptics<F> {
     /// Face `face` of `rig`, which must be below `rig.mirror.face.len()`. Tables are made here.
     pub fn new(rig: &Rig, face: usize, method: Method) -> Self {
-        let table = (method == Method::ConeTable).then(|| Table::new(rig, face));
+        let table = if method == Method::ConeTable { Table::new(rig, face) } else { None };
         Self { rig: rig.clone(), face, method, table }
     }
 

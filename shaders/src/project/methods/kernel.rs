@@ -11,6 +11,8 @@ use protocol::rig::Viewers;
 const CANCELLATION: f64 = 4.0;
 /// How far Newton's steps may stay from the root, in pixels.
 const NEWTON_PX: f64 = 0.02;
+/// The same in radians of the viewer's azimuth, for images so coarse that pixels bound nothing.
+const NEWTON_TURN: f64 = 1e-3;
 /// Newton's steps until the answer is left to the reference. Two reach 0.02 px on physical rigs, four the last digit.
 const STEPS: usize = 6;
 
@@ -86,6 +88,18 @@ struct Line<F> {
     mirror: [F; 2],
 }
 
+/// How far a line is from the cone.
+struct Defect<F> {
+    /// `o·e − i·e`.
+    value: F,
+    /// M − P across and along the slope.
+    across: F,
+    up: F,
+    /// 1 / |M − P| and 1 / |V' − Q|.
+    inward: F,
+    outward: F,
+}
+
 impl<F: Real> SliceProjector<F> {
     pub(super) fn new(exact: SliceOptics, method: Method, table: Option<SliceTable<F>>) -> Self {
         let frame = exact.frame;
@@ -111,6 +125,8 @@ impl<F: Real> SliceProjector<F> {
         };
         let reach = exact.reach_m();
         let px_per_m = exact.px_per_m();
+        // The terms of a pixel's coordinate are as large as it is, or as the panel is in the image.
+        let resolves_pixels = 8.0 * F::epsilon().wide() * (exact.largest_px() + reach * px_per_m) < F::TOLERANCE_PX;
         let of2 = |[a, b]: [f64; 2]| [F::of(a), F::of(b)];
         Self {
             method,
@@ -135,9 +151,13 @@ impl<F: Real> SliceProjector<F> {
                 fold_squared: F::of(lens.fold_squared),
             }),
             reach_squared: F::of(reach * reach),
-            // The point's digits, and those of the direction times the lever to the mirror, each lose CANCELLATION at worst.
-            grazing: F::of((2.0 * CANCELLATION * F::epsilon().wide() * px_per_m / F::TOLERANCE_PX).powi(2)),
-            settled: F::of(NEWTON_PX / (2.0 * reach * px_per_m)),
+            grazing: F::of(if resolves_pixels {
+                // The point's digits, and those of the direction times the lever to the mirror, each lose CANCELLATION at worst.
+                (2.0 * CANCELLATION * F::epsilon().wide() * px_per_m / F::TOLERANCE_PX).powi(2)
+            } else {
+                f64::INFINITY
+            }),
+            settled: F::of((NEWTON_PX / (2.0 * reach * px_per_m)).min(NEWTON_TURN * radius / radius.hypot(height))),
             exact,
         }
     }
@@ -190,12 +210,14 @@ impl<F: Real> SliceProjector<F> {
         if projected.visibility == Visibility::NoMirror {
             return None;
         }
-        Some(Vertex {
+        let vertex = Vertex {
             pixel: projected.pixel?.to_array().map(F::of),
             depth_m: F::of(self.exact.depth_from_circle(point, projected.viewer?)),
             sides: self.exact.sides(projected.mirror?),
             lit: self.exact.is_lit(projected.viewer?),
-        })
+        };
+        // Single precision ends at 3e38.
+        vertex.pixel.into_iter().chain([vertex.depth_m]).all(F::is_finite).then_some(vertex)
     }
 
     fn exact_sight(&self, pixel: [F; 2]) -> Option<SightLine<F>> {
@@ -316,13 +338,14 @@ impl<F: Real> SliceProjector<F> {
     /// What the table holds for a point of the mirror's frame: how far the cone moves the viewer across, over the planar line's way
     /// across.
     pub(super) fn correction(&self, [x, y, z]: [F; 3]) -> Option<F> {
-        let place = self.place_in_frame([x, y, z]);
-        let planar = self.planar(&place)?;
-        if planar.toward[0].abs() < F::of(1e-6) * planar.square.sqrt() {
-            // Straight ahead both are 0; their quotient is as a little aside.
-            return self.correction([x + F::of(1e-4) * self.reach_squared.sqrt(), y, z]);
-        }
-        Some((self.root(&place, planar)?.viewer[0] - planar.viewer[0]) / planar.toward[0])
+        // Straight ahead both are 0, and their quotient is as it is a little aside.
+        let aside = x + F::of(1e-4) * self.reach_squared.sqrt();
+        [x, aside].into_iter().find_map(|x| {
+            let place = self.place_in_frame([x, y, z]);
+            let planar = self.planar(&place)?;
+            let quotient = (self.root(&place, planar)?.viewer[0] - planar.viewer[0]) / planar.toward[0];
+            (planar.toward[0].abs() > F::of(1e-6) * planar.square.sqrt()).then_some(quotient)
+        })
     }
 
     /// The same projector with a table.
@@ -330,12 +353,15 @@ impl<F: Real> SliceProjector<F> {
         Self { table: Some(table), ..self }
     }
 
-    /// How far the table's M is from the root's, in metres, for a point of the mirror's frame.
+    /// How far the table's M is from the root's, in metres, for a point of the mirror's frame; `None` where one of them has no answer,
+    /// or the viewer is elsewhere.
     pub(super) fn table_error_m(&self, point: [F; 3]) -> Option<F> {
         let place = self.place_in_frame(point);
         let planar = self.planar(&place)?;
         let (table, root) = (self.tabulated(&place, &planar)?, self.root(&place, planar)?);
-        Some((table.mirror[0] - root.mirror[0]).hypot(table.mirror[1] - root.mirror[1]))
+        let turn = (table.viewer[0] - root.viewer[0]).abs() / root.viewer[1].abs();
+        let apart = (table.mirror[0] - root.mirror[0]).hypot(table.mirror[1] - root.mirror[1]);
+        (turn < F::of(NEWTON_TURN)).then_some(apart)
     }
 
     /// Newton's method on `o·e − i·e` in the viewer's place across, from the planar line, until a step turns the line by less than
@@ -343,18 +369,22 @@ impl<F: Real> SliceProjector<F> {
     ///
     /// The place across is a better unknown than the azimuth: the defect is nearly linear in it.
     fn newton(&self, place: &Place<F>, planar: Line<F>, settled: F) -> Option<Line<F>> {
-        let [radius, ..] = self.circle;
         let mut line = planar;
-        let mut last = radius * F::of(0.5);
+        // Unknown: near a double root the defect is small where there is no root.
+        let mut rise = F::zero();
+        // The first step stays below an eighth of a radian in the azimuth.
+        let mut last = planar.viewer[1].abs() * F::of(0.5);
         for _ in 0..STEPS {
-            let (defect, slope) = self.defect(&line);
-            let length = line.square.sqrt();
-            let step = defect / slope;
-            if !(slope * length > F::of(CANCELLATION.recip()) && step.abs() < last * F::of(0.25)) {
-                return None;
-            }
-            if step.abs() < settled * length {
+            let defect = self.defect(&line);
+            if defect.value.abs() < settled * rise {
                 return self.is_steep(place, &line).then_some(line);
+            }
+            let slope = self.slope(&line, &defect);
+            rise = slope / defect.outward;
+            let step = defect.value / slope;
+            let converges = rise > F::of(CANCELLATION.recip()) && step.abs() < last * F::of(0.25);
+            if !converges {
+                return None;
             }
             last = step.abs();
             line = self.line_across(place, &line, line.viewer[0] - step);
@@ -362,23 +392,27 @@ impl<F: Real> SliceProjector<F> {
         None
     }
 
-    /// `o·e − i·e` and its derivative by the viewer's place across.
-    fn defect(&self, line: &Line<F>) -> (F, F) {
-        let [sin, cos] = self.tilt;
-        let [x, _, z] = line.toward;
+    /// `o·e − i·e`.
+    fn defect(&self, line: &Line<F>) -> Defect<F> {
         let across = line.mirror[0] - self.projector[0];
         let up = line.mirror[1] - self.projector[1];
         let inward = (across * across + up * up + self.projector[2] * self.projector[2]).sqrt().recip();
         let outward = line.square.sqrt().recip();
-        let (from, to) = (across * inward, x * outward);
-        // How the viewer's other coordinate, the line, and M follow.
+        Defect { value: line.toward[0] * outward - across * inward, across, up, inward, outward }
+    }
+
+    /// The defect's derivative by the viewer's place across.
+    fn slope(&self, line: &Line<F>, defect: &Defect<F>) -> F {
+        let [sin, cos] = self.tilt;
+        let [x, _, z] = line.toward;
+        let Defect { across, up, inward, outward, .. } = *defect;
+        // How the viewer's other coordinate, the range, and M follow.
         let viewer_z = -line.viewer[0] / line.viewer[1];
         let range = -line.range * sin * viewer_z / line.toward_above;
-        let mirror_x = -(range * x + line.range);
-        let mirror_slope = -(range * line.toward_slope - line.range * cos * viewer_z);
-        let from_slope = inward * (mirror_x - from * inward * (across * mirror_x + up * mirror_slope));
-        let to_slope = outward * (F::one() - to * outward * (x + z * viewer_z));
-        (to - from, to_slope - from_slope)
+        let mirror_across = -(range * x + line.range);
+        let mirror_up = -(range * line.toward_slope - line.range * cos * viewer_z);
+        let incident = inward * (mirror_across - across * inward * inward * (across * mirror_across + up * mirror_up));
+        outward * (F::one() - x * outward * outward * (x + z * viewer_z)) - incident
     }
 
     /// |V' − Q| less the circle's distance: the difference of the squares over the sum.
@@ -394,7 +428,8 @@ impl<F: Real> SliceProjector<F> {
         if w.is_nan() || w <= F::zero() {
             return None;
         }
-        let pixel = [u / w, v / w];
+        let scale = w.recip();
+        let pixel = [u * scale, v * scale];
         match &self.lens {
             None => Some(pixel),
             Some(lens) => lens.distort(pixel),

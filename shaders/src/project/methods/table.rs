@@ -14,8 +14,11 @@ use std::sync::Arc;
 const NODES: usize = 12;
 /// Cells whose middle is off by more than this are left to Newton's method. The middle is where the error is largest.
 const TOLERANCE_PX: f64 = 0.03;
-/// How many angles are tried in turn.
-const ANGLES: [usize; 3] = [1, 8, 16];
+/// How many angles are tried in turn where the table depends on the slice, as long as it gains by them.
+const ANGLES: [usize; 2] = [8, 16];
+/// The projector's distance from the axis over its height up to which a table is made. The trigonometric polynomial's terms fall
+/// off like this ratio's powers; far beyond it a cone may miss the viewing circle at angles between the samples.
+const ASIDE_MAX: f64 = 0.5;
 
 /// A face's table: how far the cone moves the viewer across, over the planar line's way across, which it is about proportional to.
 #[derive(Clone, Debug)]
@@ -35,20 +38,33 @@ pub(super) struct SliceTable<F> {
 }
 
 impl<F: Real> Table<F> {
-    pub(super) fn new(rig: &Rig, face: usize) -> Self {
+    /// `None` where the projector is too far aside for a table of few angles.
+    pub(super) fn new(rig: &Rig, face: usize) -> Option<Self> {
+        let position = rig.camera().position;
+        if position.x.hypot(position.z) > ASIDE_MAX * position.y {
+            return None;
+        }
         let optics = |theta| SliceOptics::new(rig, face, theta, Model::Cone);
         let root = |theta| SliceProjector::new(optics(theta), Method::ConeRoot, None);
         let reach = optics(0.0).reach_m();
-        let mut table = Table { reach, samples: Vec::new() };
-        for angles in ANGLES {
-            table.samples = (0..angles).map(|angle| sample(reach, &root(TAU * angle as f64 / angles as f64))).collect();
+        let sampled = |angles: usize| {
+            let angle = |index| TAU * index as f64 / angles as f64;
+            let mut table =
+                Table { reach, samples: (0..angles).map(|index| sample(reach, &root(angle(index)))).collect() };
             let refused = table.refuse(|theta| (root(theta), optics(theta)));
-            if refused * 100 <= (NODES - 1).pow(3) {
+            (table, refused)
+        };
+        let (mut table, mut refused) = sampled(1);
+        for angles in ANGLES {
+            let few = refused * 100 <= (NODES - 1).pow(3);
+            let finer = if few { break } else { sampled(angles) };
+            if finer.1 >= refused {
                 break;
             }
+            (table, refused) = finer;
         }
         let rounded = |nodes: &Arc<[f64]>| nodes.iter().map(|value| F::of(*value)).collect();
-        Self { reach, samples: table.samples.iter().map(rounded).collect() }
+        Some(Self { reach, samples: table.samples.iter().map(rounded).collect() })
     }
 
     /// The table at mirror angle `theta` radians.
@@ -70,13 +86,13 @@ impl<F: Real> Table<F> {
 }
 
 impl Table<f64> {
-    /// Empties the cells whose middle is off by more than [`TOLERANCE_PX`] at one of a few angles between the samples. How many of them
+    /// Empties the cells whose middle is off by more than [`TOLERANCE_PX`] at an angle between the samples. How many of them
     /// lie in the ball of the panel's reach, which holds what is visible.
     fn refuse(&mut self, root: impl Fn(f64) -> (SliceProjector<f64>, SliceOptics)) -> usize {
-        let trials: Vec<_> = [0.5, 1.5, 4.5]
-            .into_iter()
-            .map(|part| {
-                let theta = TAU * part / self.samples.len().max(ANGLES[1]) as f64;
+        let angles = self.samples.len().max(ANGLES[0]);
+        let trials: Vec<_> = (0..angles)
+            .map(|angle| {
+                let theta = TAU * (angle as f64 + 0.5) / angles as f64;
                 let (root, optics) = root(theta);
                 (root.with_table(self.at(theta)), optics.px_per_m())
             })

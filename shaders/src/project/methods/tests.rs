@@ -89,3 +89,52 @@ fn every_method_agrees_with_the_reference() {
         }
     }
 }
+
+#[test]
+fn a_pixel_sees_along_the_line_that_the_reference_does() {
+    for rig in rigs() {
+        for (method, single, double) in [
+            (Method::Planar, 0.01, 1e-6),
+            (Method::ConeRoot, 0.01, 1e-6),
+            (Method::ConeNewton, 0.05, 0.05),
+            (Method::ConeTable, 0.05, 0.05),
+        ] {
+            let errors = [worst_sight::<f32>(&rig, method), worst_sight::<f64>(&rig, method)];
+            assert!(errors[0] < single && errors[1] < double, "{method:?} {errors:?} {rig:?}");
+        }
+    }
+}
+
+/// The largest distance in pixels of where the reference puts the point 60 mm behind M on a pixel's sight line from that pixel.
+fn worst_sight<F: Real>(rig: &Rig, method: Method) -> f64 {
+    let (mut worst, mut seen) = (0.0f64, 0);
+    let optics = FaceOptics::<F>::new(rig, 0, method);
+    for index in 0..400u32 {
+        let theta = rig.slice_angle(index * 97 % rig.rotation.slices);
+        let pixel = DVec2::new(f64::from(index * 13 % 768) + 0.5, f64::from(index * 29 % 768) + 0.5);
+        let exact = SliceOptics::new(rig, 0, theta, method.model());
+        let sight = optics.slice(theta).sight(pixel.to_array().map(F::of));
+        if let Some(expected) = exact.sight(pixel) {
+            let sight = sight.expect("the reference has a sight line");
+            let [mirror, toward] = [sight.mirror, sight.toward_viewer].map(|of| DVec3::from_array(of.map(F::wide)));
+            let depth = exact.depth_from_circle(mirror, expected.viewer);
+            assert!((sight.depth_m.wide() - depth).abs() < 1e-4 && (toward.length() - 1.0).abs() < 1e-6);
+            let Some(back) = exact.project(mirror - 0.06 * toward).pixel else { continue };
+            worst = worst.max(back.distance(pixel));
+            seen += 1;
+        }
+    }
+    assert!(seen > 20, "{seen}");
+    worst
+}
+
+#[test]
+fn built_in_rigs_need_no_double_precision() {
+    for text in RIGS {
+        assert!(single_is_enough(&Rig::parse(text).unwrap()));
+    }
+    // So fine an image that the digits of a point in single precision are a pixel.
+    assert!(!single_is_enough(&changed(&[("focal_px = 3072.0", "focal_px = 3072e3")])));
+    // Grazing: viewers nearly in the mirror's plane.
+    assert!(!single_is_enough(&changed(&[("height_m = 0.35", "height_m = -0.85")])));
+}
