@@ -1,6 +1,7 @@
 //! The clear renderer: a task a slice, fixed-point rasterisation, depth by |V' − Q|, then halftone.
 
-use super::plan::Plan;
+use super::halftone::{halftone_slices, slices_read};
+use super::plan::{Halftone, Plan};
 use super::tessellate::{Mesh, Triangle, tessellate};
 use super::turn::{Depth, Turn};
 use super::{RenderError, Renderer};
@@ -26,6 +27,11 @@ impl Renderer for CpuRenderer {
         slices: &[u32],
         done: &(dyn Fn() + Sync),
     ) -> Result<Turn, RenderError> {
+        if plan.halftone == Halftone::SightLine {
+            let grey = Plan { halftone: Halftone::Grey, ..*plan };
+            let grey = self.render_slices(scene, rig, &grey, &slices_read(rig, slices), done)?;
+            return Ok(halftone_slices(&grey, rig, plan.halftone, 0, slices, &|| ()));
+        }
         let (width, height) = (rig.projector.width_px, rig.projector.height_px);
         let depth = if plan.halftone.binary().is_some() { Depth::Binary } else { Depth::Grey };
         let mut turn = Turn::dark(rig.rotation.slices, width, height, depth)?;

@@ -1,6 +1,7 @@
 //! A scene becomes a turn of slices; and what a pinhole would see, to compare with.
 
 pub mod cpu;
+pub mod halftone;
 pub mod plan;
 pub mod tessellate;
 pub mod truth;
