@@ -27,6 +27,12 @@ pub enum MeasureError {
     NothingInCommon,
 }
 
+/// How strongly two turns that alternate flicker: the root mean square of the difference of what is seen of them, in linear
+/// luminance with white 1, after the Gaussian of [`Likeness::psnr_db`]. The light swings by half of it around the mean.
+pub fn flicker(first: &Picture, second: &Picture) -> Result<f64, MeasureError> {
+    Ok(10f64.powf(-compare(first, second)?.psnr_db / 20.0))
+}
+
 /// Compares two pictures of one size.
 pub fn compare(a: &Picture, b: &Picture) -> Result<Likeness, MeasureError> {
     if (a.width, a.height) != (b.width, b.height) {

@@ -17,9 +17,22 @@ pub fn see(
     brightness: Brightness,
     done: &(dyn Fn() + Sync),
 ) -> Picture {
+    see_turns(rig, &[turn], view, exposures, brightness, done)
+}
+
+/// The same of several turns, for an eye that is too slow to tell them apart.
+pub fn see_turns(
+    rig: &Rig,
+    turns: &[&Turn],
+    view: &View,
+    exposures: u32,
+    brightness: Brightness,
+    done: &(dyn Fn() + Sync),
+) -> Picture {
     let half = PI / f64::from(rig.rotation.slices);
-    let flashes: Vec<_> = (0..rig.rotation.slices)
-        .map(|slice| Flash {
+    let slices = turns.iter().flat_map(|turn| (0..rig.rotation.slices).map(move |slice| (turn, slice)));
+    let flashes: Vec<_> = slices
+        .map(|(turn, slice)| Flash {
             start: rig.slice_angle(slice) - half,
             end: rig.slice_angle(slice) + half,
             picture: match turn.depth() {
@@ -28,7 +41,7 @@ pub fn see(
             },
         })
         .collect();
-    picture(eye::expose(rig, &flashes, 1.0, exposures, view, brightness, done))
+    picture(eye::expose(rig, &flashes, turns.len() as f64, exposures, view, brightness, done))
 }
 
 /// The eye's answer as a picture.

@@ -218,6 +218,12 @@ impl SliceOptics {
         self.is_lit(viewer).then_some(Sight { viewer, mirror })
     }
 
+    /// The pixel, also outside the image and off the panel, at which an eye on the line of `sight`, which may be one of another
+    /// slice, looks in this one; `None` where the line misses the plane or the projector.
+    pub fn pixel_of(&self, sight: Sight) -> Option<DVec2> {
+        self.camera.project(self.mirror_point(sight.mirror, sight.viewer)?)
+    }
+
     /// M of `pixel`, on the panel or off it; `None` where the projector's ray does not meet the plane.
     pub fn mirror_of(&self, pixel: DVec2) -> Option<DVec3> {
         let ray = self.camera.ray(pixel);

@@ -5,7 +5,7 @@ use host::render::plan::choose::{Budget, Fixed, PlanError, choose, predict};
 use host::render::plan::error::geometric_error;
 use host::render::plan::{Edges, Halftone, Plan, Precision, Projection};
 use host::render::tessellate::tessellate;
-use host::scene::{ShadedScene, Shading, shade, Scene};
+use host::scene::{Scene, ShadedScene, Shading, shade};
 use protocol::rig::Rig;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -43,7 +43,12 @@ fn plans() -> Vec<Plan> {
 fn judge(name: &str, mut ratios: Vec<f64>) {
     ratios.sort_by(f64::total_cmp);
     let median = ratios[ratios.len() / 2];
-    println!("{name}: predicted / measured from {:.2} to {:.2}, median {median:.2}, of {}", ratios[0], ratios[ratios.len() - 1], ratios.len());
+    println!(
+        "{name}: predicted / measured from {:.2} to {:.2}, median {median:.2}, of {}",
+        ratios[0],
+        ratios[ratios.len() - 1],
+        ratios.len()
+    );
     assert!(ratios[0] >= 0.8 && median <= 2.0, "{name}: {} and {median}", ratios[0]);
 }
 
@@ -61,7 +66,10 @@ fn predictions_hold_on_two_hundred_random_rigs() {
         let plan = &plans[random.random_range(0..plans.len())];
         let found = ratio(&scene, &rig, plan, 10_000);
         if let Some(found) = found.filter(|found| !(0.8..4.0).contains(found)) {
-            println!("{found:.2}: {plan}, viewers {:?}, {:?}, tilt {}", rig.viewing, rig.projector.position_m, rig.mirror.face[0].tilt_deg);
+            println!(
+                "{found:.2}: {plan}, viewers {:?}, {:?}, tilt {}",
+                rig.viewing, rig.projector.position_m, rig.mirror.face[0].tilt_deg
+            );
         }
         ratios.extend(found);
     }
@@ -165,6 +173,7 @@ fn budgets_that_nothing_meets_say_what_is_possible() {
 fn a_larger_time_budget_never_buys_a_larger_error() {
     let (scene, reference) = (builtin(), rig("reference"));
     let within = |ms| choose(&scene, &reference, Halftone::Grey, Fixed::default(), Budget::Cost(ms)).ok();
-    let errors: Vec<f64> = [1e2, 5e3, 1e6].into_iter().filter_map(within).map(|choice| choice.chosen.error_px).collect();
+    let errors: Vec<f64> =
+        [1e2, 5e3, 1e6].into_iter().filter_map(within).map(|choice| choice.chosen.error_px).collect();
     assert!(errors.len() > 1 && errors.is_sorted_by(|a, b| a >= b), "{errors:?}");
 }

@@ -1,11 +1,12 @@
 //! The chart as a picture: SVG for print, PNG for the screen, the same in both.
 
 use super::{Chart, over_jobs, pareto_front};
-use crate::render::plan::{Plan, Projection};
+use crate::render::plan::{Halftone, Plan, Projection};
 use crate::sheet::{self, Drawing, FAINT, INK, PAPER, ink};
 use core::ops::Range;
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, ValueFormatter};
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
 const WIDTH: u32 = 1500;
@@ -125,7 +126,7 @@ fn optics(chart: &Chart) -> Vec<Mark> {
 }
 
 fn halftones(chart: &Chart, across: impl Fn(&super::halftones::Point) -> f64) -> Vec<Mark> {
-    let binary: Vec<_> = chart.halftones.iter().filter(|point| point.halftone.binary().is_some()).cloned().collect();
+    let binary: Vec<_> = chart.halftones.iter().filter(|point| point.halftone != Halftone::Grey).cloned().collect();
     let across = over_jobs(&binary, |point| point.halftone, |point| (across(point), 10f64.powf(point.psnr_db / 10.0)));
     let marks = across.into_iter().enumerate().map(|(index, (halftone, (x, power)))| {
         let y = 10.0 * power.log10();

@@ -1,7 +1,7 @@
 //! Ways to make luminance into bits: time against what an eye sees, and how well the result compresses.
 
 use super::{Effort, Job, exposure, median, truth, view};
-use crate::measure::compare;
+use crate::measure::{compare, flicker};
 use crate::picture::Picture;
 use crate::render::cpu::CpuRenderer;
 use crate::render::halftone::halftone_slices;
@@ -9,7 +9,7 @@ use crate::render::plan::{Halftone, Plan, Projection};
 use crate::render::truth::Caster;
 use crate::render::turn::Turn;
 use crate::render::{RenderError, Renderer};
-use crate::seen::{Brightness, View, reaching, see};
+use crate::seen::{Brightness, View, reaching, see_turns};
 use protocol::codec::compress;
 use serde::Serialize;
 use shaders::halftone::plane_stride;
@@ -76,8 +76,7 @@ pub fn measure(job: &Job<'_>, effort: Effort, done: &mut dyn FnMut(f64)) -> Resu
     let mut points = vec![bench.point(job, Halftone::Grey, &[&bench.grey])];
     done(1.0 / steps);
     for (index, (method, turn)) in methods.iter().zip(&turns).enumerate() {
-        let others: Vec<Turn> =
-            (1..method.turns()).map(|turn| binary(*method, turn)).collect();
+        let others: Vec<Turn> = (1..method.turns()).map(|turn| binary(*method, turn)).collect();
         let all: Vec<&Turn> = core::iter::once(turn).chain(&others).collect();
         points.push(Point { turn_ms: median(&mut times[index]), ..bench.point(job, *method, &all) });
         done((index as f64 + 2.0) / steps);
@@ -132,18 +131,18 @@ impl Bench {
     }
 
     fn point(&self, job: &Job<'_>, halftone: Halftone, turns: &[&Turn]) -> Point {
-        let look = |view: &View, exposures: u32| -> Vec<Picture> {
-            let brightness = Brightness::Divided;
-            let seen = turns.iter().map(|turn| see(job.rig, turn, view, exposures, brightness, &|| ()));
-            seen.map(|picture| picture.exposed(self.exposure)).collect()
+        let look = |turns: &[&Turn], view: &View, exposures: u32| {
+            see_turns(job.rig, turns, view, exposures, Brightness::Divided, &|| ()).exposed(self.exposure)
         };
-        let (mut likenesses, mut flicker) = (Vec::new(), 0.0f64);
+        let (mut likenesses, mut swing) = (Vec::new(), 0.0f64);
         for (view, truth) in &self.eyes {
-            let pictures = look(view, self.exposures);
-            flicker = flicker.max(difference(&pictures));
-            likenesses.extend(compare(&mean(&pictures), truth));
+            likenesses.extend(compare(&look(turns, view, self.exposures), truth));
+            if let [first, second, ..] = turns {
+                let [first, second] = [first, second].map(|turn| look(&[turn], view, self.exposures));
+                swing = swing.max(flicker(&first, &second).unwrap_or(f64::NAN));
+            }
         }
-        let fine = compare(&mean(&look(&self.fine.0, 8)), &self.fine.1);
+        let fine = compare(&look(turns, &self.fine.0, 8), &self.fine.1);
         let count = likenesses.len() as f64;
         let (wire, zstd) = self.bytes(turns[0]);
         Point {
@@ -158,7 +157,7 @@ impl Bench {
             worst_db: likenesses.iter().map(|likeness| likeness.psnr_db).fold(f64::INFINITY, f64::min),
             ssim: likenesses.iter().map(|likeness| likeness.ssim).sum::<f64>() / count,
             fine_db: fine.map_or(f64::NAN, |likeness| likeness.psnr_db),
-            flicker,
+            flicker: swing,
             wire_bytes: wire * self.per_turn(),
             zstd_bytes: zstd * self.per_turn(),
         }
@@ -172,24 +171,4 @@ impl Bench {
         let zstd = zstd::bulk::compress(&planes.concat(), 1).map_or(f64::NAN, |bytes| bytes.len() as f64);
         (wire.len() as f64, zstd)
     }
-}
-
-/// The mean of pictures of one size, known where all are.
-fn mean(pictures: &[Picture]) -> Picture {
-    let mut mean = pictures[0].clone();
-    let share = 1.0 / pictures.len() as f32;
-    for (cell, colour) in mean.colours.iter_mut().enumerate() {
-        *colour = core::array::from_fn(|channel| {
-            pictures.iter().map(|other| other.colours[cell][channel]).sum::<f32>() * share
-        });
-    }
-    mean
-}
-
-/// The root of the mean square of the luminance difference between the first two pictures; 0 where there is one.
-fn difference(pictures: &[Picture]) -> f64 {
-    let [a, b, ..] = pictures else { return 0.0 };
-    let (a, b) = (a.luminance(), b.luminance());
-    let squares = a.iter().zip(&b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
-    (squares / a.len() as f64).sqrt()
 }

@@ -63,7 +63,10 @@ fn use_when(text: &mut String, chart: &Chart) {
         }
     };
     say("Binary slices that are cheap", best(&|halftone| halftone.is_mask()));
-    say("Binary slices one by one, at any price", best(&|halftone| halftone.is_independent() && halftone.turns() == 1));
+    say(
+        "Binary slices one by one, at any price",
+        best(&|halftone| halftone.binary().is_some() && halftone.turns() == 1),
+    );
     say(
         "Binary slices that may know each other",
         best(&|halftone| halftone != Halftone::Grey && halftone.turns() == 1),

@@ -2,8 +2,9 @@
 
 use super::blur::eye_blur;
 use super::canvas::{Canvas, Coverage};
+use super::halftone::{halftone_slices, slices_read};
 use super::mesh::Mesh;
-use super::plan::{DepthTest, Edges, Plan, Precision};
+use super::plan::{DepthTest, Edges, Halftone, Plan, Precision};
 use super::sight::Line;
 use super::tessellate::tessellate;
 use super::truth::Caster;
@@ -30,6 +31,11 @@ impl Renderer for CpuRenderer {
         slices: &[u32],
         done: &(dyn Fn() + Sync),
     ) -> Result<Turn, RenderError> {
+        if plan.halftone == Halftone::SightLine {
+            let grey = Plan { halftone: Halftone::Grey, ..*plan };
+            let grey = self.render_slices(scene, rig, &grey, &slices_read(rig, slices), done)?;
+            return Ok(halftone_slices(&grey, rig, plan.halftone, 0, slices, &|| ()));
+        }
         match plan.precision {
             Precision::Single => render::<f32>(scene, rig, plan, slices, done),
             Precision::Double => render::<f64>(scene, rig, plan, slices, done),

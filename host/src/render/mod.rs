@@ -4,6 +4,7 @@ pub mod blur;
 pub mod bow;
 mod canvas;
 pub mod cpu;
+pub mod halftone;
 pub mod mesh;
 pub mod plan;
 mod sight;

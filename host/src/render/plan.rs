@@ -136,27 +136,92 @@ pub enum DepthTest {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Halftone {
+    /// A random threshold for every pixel of every slice.
+    WhiteNoise,
     /// 8 × 8 ordered dither.
     Bayer,
+    /// A void-and-cluster mask, the same in every slice.
+    BlueNoiseFixed,
+    /// A void-and-cluster mask, moved by half its range in every other slice.
+    BlueNoiseHalf,
     /// A void-and-cluster mask that moves from slice to slice.
     BlueNoise,
-    /// Error diffusion.
+    /// The same, moved by half its range in every other turn: flickers at half the turn rate.
+    AlternatingBlueNoise,
+    /// A void-and-cluster mask in space and from slice to slice.
+    #[serde(rename = "blue-noise-3d")]
+    #[value(name = "blue-noise-3d")]
+    BlueNoise3d,
+    /// Floyd and Steinberg's error diffusion.
     FloydSteinberg,
     /// Bits searched for the least error after an eye's blur.
     Search,
+    /// Error diffusion by the kernel that leaves the least error to a blurred eye.
+    OptimisedDiffusion,
+    /// The same; every other turn makes good what the turn before it did wrong: flickers at half the turn rate.
+    AlternatingDiffusion,
+    /// The same; each slice makes good on its sight lines what the slice before it did wrong.
+    SightLine,
     /// None: slices of 8-bit linear luminance, which no projector shows; they tell optics from halftone.
     Grey,
 }
 
 impl Halftone {
-    /// The method, `None` for grey.
+    /// The method, if it needs a slice's own luminance only; `None` for [`Halftone::SightLine`] and grey.
     pub fn binary(self) -> Option<halftone::Halftone> {
         match self {
+            Self::WhiteNoise => Some(halftone::Halftone::WhiteNoise),
             Self::Bayer => Some(halftone::Halftone::Bayer),
+            Self::BlueNoiseFixed => Some(halftone::Halftone::BlueNoiseFixed),
+            Self::BlueNoiseHalf => Some(halftone::Halftone::BlueNoiseHalf),
             Self::BlueNoise => Some(halftone::Halftone::BlueNoise),
+            Self::AlternatingBlueNoise => Some(halftone::Halftone::AlternatingBlueNoise),
+            Self::BlueNoise3d => Some(halftone::Halftone::BlueNoise3d),
             Self::FloydSteinberg => Some(halftone::Halftone::FloydSteinberg),
             Self::Search => Some(halftone::Halftone::Search),
-            Self::Grey => None,
+            Self::OptimisedDiffusion => Some(halftone::Halftone::OptimisedDiffusion),
+            Self::AlternatingDiffusion => Some(halftone::Halftone::AlternatingDiffusion),
+            Self::SightLine | Self::Grey => None,
         }
+    }
+
+    /// Turns after which its patterns repeat.
+    pub fn turns(self) -> u32 {
+        match self {
+            Self::AlternatingBlueNoise | Self::AlternatingDiffusion => 2,
+            _ => 1,
+        }
+    }
+
+    /// All there are.
+    pub const ALL: [Self; 13] = [
+        Self::WhiteNoise,
+        Self::Bayer,
+        Self::BlueNoiseFixed,
+        Self::BlueNoiseHalf,
+        Self::BlueNoise,
+        Self::AlternatingBlueNoise,
+        Self::BlueNoise3d,
+        Self::FloydSteinberg,
+        Self::OptimisedDiffusion,
+        Self::AlternatingDiffusion,
+        Self::Search,
+        Self::SightLine,
+        Self::Grey,
+    ];
+
+    /// Whether a pixel's bit follows from its own luminance and place alone.
+    pub fn is_mask(self) -> bool {
+        use Halftone::{
+            AlternatingBlueNoise, Bayer, BlueNoise, BlueNoise3d, BlueNoiseFixed, BlueNoiseHalf, WhiteNoise,
+        };
+        let masks = [WhiteNoise, Bayer, BlueNoiseFixed, BlueNoiseHalf, BlueNoise, AlternatingBlueNoise, BlueNoise3d];
+        masks.contains(&self)
+    }
+}
+
+impl Display for Halftone {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str(&name(*self))
     }
 }
