@@ -43,8 +43,6 @@ pub struct Point {
     pub psnr_db: f64,
     /// Their structural similarity.
     pub ssim: f64,
-    /// Triangles a slice.
-    pub triangles: usize,
     /// What there is to do.
     pub work: Work,
 }
@@ -128,7 +126,6 @@ pub fn measure(job: &Job<'_>, effort: Effort, done: &mut dyn FnMut(f64)) -> Resu
             predicted_px: predicted.map(|predicted| predicted.error_px),
             psnr_db: likeness.map_or(f64::NAN, |likeness| likeness.psnr_db),
             ssim: likeness.map_or(f64::NAN, |likeness| likeness.ssim),
-            triangles: mesh.triangles.len(),
             work: Work::of(&mesh, job.rig),
         });
         done((2.0 * plans.len() as f64 + index as f64 + 1.0) / steps);

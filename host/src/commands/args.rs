@@ -93,9 +93,9 @@ impl SceneArgs {
 /// By which methods a turn is rendered: chosen within a budget, or fixed.
 #[derive(clap::Args)]
 pub(super) struct PlanArgs {
-    /// Take the cheapest methods that draw everything within E projector pixels of where it belongs
-    #[arg(long, value_name = "E", value_parser = budget, allow_negative_numbers = true, default_value = "0.5")]
-    pub budget_px: f64,
+    /// Take the cheapest methods that draw everything within E projector pixels of where it belongs [default: 0.5]
+    #[arg(long, value_name = "E", value_parser = budget, allow_negative_numbers = true)]
+    pub budget_px: Option<f64>,
     /// Take the most accurate methods that render a turn on this machine in T milliseconds, without the halftone
     #[arg(long, value_name = "T", value_parser = budget, allow_negative_numbers = true, conflicts_with = "budget_px")]
     pub budget_ms: Option<f64>,
@@ -116,27 +116,40 @@ pub(super) struct PlanArgs {
     pub halftone: Halftone,
 }
 
-/// What was chosen, and how a plan's cost becomes milliseconds here.
+/// How far things may lie from where they belong, in projector pixels, where nothing else is asked for.
+const DEFAULT_BUDGET_PX: f64 = 0.5;
+
+/// What was chosen, and how a plan's cost becomes milliseconds here, where that was measured.
 pub(super) struct Planned {
     pub choice: Choice,
-    pub ms_per_cost: f64,
+    pub ms_per_cost: Option<f64>,
 }
 
 impl PlanArgs {
-    /// Chooses within the budget that was asked for.
+    /// Chooses within the budget that was asked for; without one, within the default or, where what is fixed cannot keep that, as
+    /// accurately as it can.
     pub(super) fn choose(&self, scene: &ShadedScene, rig: &Rig) -> Result<Planned, Failure> {
-        let ms_per_cost = ms_per_cost(&CpuRenderer, scene, rig)?;
-        let budget = match self.budget_ms {
-            Some(ms) => Budget::Cost(ms / ms_per_cost),
-            None => Budget::Error(self.budget_px),
+        let planned = |choice, ms_per_cost| Ok(Planned { choice, ms_per_cost });
+        let Some(ms) = self.budget_ms else {
+            let px = self.budget_px.unwrap_or(DEFAULT_BUDGET_PX);
+            return match self.with_budget(scene, rig, Budget::Error(px)) {
+                Err(PlanError::TooAccurate { reached, .. }) if self.budget_px.is_none() => {
+                    warn(format!(
+                        "what is fixed errs by up to {reached:.2} px, more than the default budget of {px} px"
+                    ));
+                    planned(self.with_budget(scene, rig, Budget::Error(1.001 * reached))?, None)
+                }
+                choice => planned(choice?, None),
+            };
         };
-        let choice = self.with_budget(scene, rig, budget).map_err(|error| match error {
+        let ms_per_cost = ms_per_cost(&CpuRenderer, scene, rig)?;
+        let choice = self.with_budget(scene, rig, Budget::Cost(ms / ms_per_cost)).map_err(|error| match error {
             PlanError::TooFast { asked, possible, fastest } => {
                 PlanError::TooFast { asked: asked * ms_per_cost, possible: possible * ms_per_cost, fastest }
             }
             other => other,
         })?;
-        Ok(Planned { choice, ms_per_cost })
+        planned(choice, Some(ms_per_cost))
     }
 
     /// Chooses within another budget.

@@ -2,7 +2,9 @@
 
 use super::args::{PlanArgs, SceneArgs};
 use super::{Failure, say, say_json};
+use crate::render::cpu::CpuRenderer;
 use crate::render::plan::choose::{Budget, Candidate, PlanError};
+use crate::render::plan::speed::ms_per_cost;
 use crate::rigs;
 use serde_json::json;
 
@@ -26,7 +28,11 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let rig = rigs::find(&args.rig)?;
     let (_, shaded) = args.scene.load()?;
     let planned = args.plan.choose(&shaded, &rig)?;
-    let (chosen, scale) = (planned.choice.chosen, planned.ms_per_cost);
+    let chosen = planned.choice.chosen;
+    let scale = match planned.ms_per_cost {
+        Some(scale) => scale,
+        None => ms_per_cost(&CpuRenderer, &shaded, &rig)?,
+    };
     // What half the error costs and what twice the error saves. That nothing reaches half of it is an answer too.
     let other = |px: f64| match args.plan.with_budget(&shaded, &rig, Budget::Error(px)) {
         Ok(choice) => Ok(Some(choice.chosen).filter(|other| other.plan != chosen.plan)),
@@ -43,8 +49,14 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
         return Ok(());
     }
     say(format!("{} on {}: {}", args.scene.scene, rig.name, chosen.plan));
-    say(format!("{:<44} {:>9} {:>8} {:>7} {:>9}", "plan", "error, px", "arc min", "ms", "triangles"));
-    for candidate in &planned.choice.candidates {
+    say(format!(" {:<51} {:>7} {:>6} {:>6} {:>7}", "plan", "px", "arcmin", "ms", "triangles"));
+    let candidates = &planned.choice.candidates;
+    // What another one with the same treatment of edges does as well for less is left out; JSON has all.
+    let is_beaten = |one: &Candidate| {
+        let beats = |other: &&Candidate| other.plan.edges == one.plan.edges && other.error_px <= 1.05 * one.error_px;
+        candidates.iter().take_while(|other| other.plan != one.plan).any(|other| beats(&other))
+    };
+    for candidate in candidates.iter().filter(|one| one.plan == chosen.plan || !is_beaten(one)) {
         let mark = if candidate.plan == chosen.plan { '>' } else { ' ' };
         say(format!("{mark}{}", line(candidate, scale)));
     }
@@ -64,11 +76,11 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
 
 fn line(candidate: &Candidate, scale: f64) -> String {
     format!(
-        "{:<43} {:>9.4} {:>8.3} {:>7.0} {:>9}",
+        "{:<51} {:>7.4} {:>6.3} {:>6.0} {:>7}",
         candidate.plan.to_string(),
         candidate.error_px,
         candidate.error_arcmin,
         candidate.cost_ms * scale,
-        candidate.triangles
+        candidate.work.triangles_a_slice
     )
 }

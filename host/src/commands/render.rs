@@ -59,7 +59,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     } else {
         let kind = if plan.halftone == Halftone::Grey { "grey slices" } else { "frames of 24 slices" };
         say(format!("{}: {pictures} {kind}, {:.1} % lit", args.out.display(), lit * 100.0));
-        say(format!("by {plan}: within {:.2} px, {} triangles", chosen.error_px, chosen.triangles));
+        say(format!("by {plan}: within {:.2} px, {} triangles", chosen.error_px, chosen.work.triangles_a_slice));
     }
     Ok(())
 }

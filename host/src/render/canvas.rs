@@ -20,11 +20,50 @@ const NONE: u32 = u32::MAX;
 pub enum Coverage {
     /// Those within the straight triangle, by depth interpolated between its corners.
     Linear,
-    /// As [`Coverage::Linear`], but by depth on the pixel's own sight line where the depths of two triangles overlap. Within a
-    /// triangle depth bulges beyond its corners' by up to this many metres per square metre of its longest edge.
-    Exact(f64),
-    /// Those within this many pixels of the straight triangle whose sight lines meet the triangle itself.
-    Discard(f64),
+    /// As [`Coverage::Linear`], but by depth on the pixel's own sight line where two triangles are closer than interpolated depth tells.
+    Exact {
+        /// By how many metres true depth may differ from interpolated depth, for each square metre of the longest edge.
+        bulge_per_m: f64,
+    },
+    /// Those near the straight triangle whose sight lines meet the triangle itself.
+    Discard {
+        /// How far from the straight triangle they may lie, in pixels, for each square metre of the longest edge.
+        bow_px_per_m2: f64,
+        /// And at most, in pixels.
+        bow_px: f64,
+    },
+}
+
+impl Coverage {
+    /// What holds for each triangle of `mesh`: its bulge in metres, or how far from it pixels are tested, in steps.
+    pub fn margins(self, mesh: &Mesh) -> Vec<f32> {
+        let of_edge = |square_m2: f64| match self {
+            Self::Linear => 0.0,
+            Self::Exact { bulge_per_m } => bulge_per_m * square_m2,
+            Self::Discard { bow_px_per_m2, bow_px } => ((bow_px_per_m2 * square_m2).min(bow_px) * STEPS).ceil(),
+        };
+        mesh.triangles.iter().map(|triangle| of_edge(longest_squared(mesh.corners(triangle))) as f32).collect()
+    }
+}
+
+/// The square of a triangle's longest edge.
+fn longest_squared([a, b, c]: [DVec3; 3]) -> f64 {
+    a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a))
+}
+
+/// What is drawn: triangles, how, and for each of them what [`Coverage::margins`] says.
+pub struct Drawing {
+    /// The triangles.
+    pub mesh: Mesh,
+    coverage: Coverage,
+    margins: Vec<f32>,
+}
+
+impl Drawing {
+    /// `mesh`, drawn by `coverage`.
+    pub fn new(mesh: Mesh, coverage: Coverage) -> Self {
+        Self { margins: coverage.margins(&mesh), mesh, coverage }
+    }
 }
 
 /// One slice in the making.
@@ -99,12 +138,12 @@ impl Canvas {
     /// Draws one face's picture of `mesh` on the pixels that `owns` admits.
     pub fn draw<F: Real>(
         &mut self,
-        mesh: &Mesh,
+        drawing: &Drawing,
         textures: &[Arc<Texture>],
         projector: &SliceProjector<F>,
-        coverage: Coverage,
         owns: impl Fn([i64; 2]) -> bool,
     ) {
+        let Drawing { mesh, coverage, .. } = drawing;
         self.sights.forget();
         self.corners.clear();
         self.corners.extend(mesh.positions.iter().map(|position| Corner::new(projector, *position)));
@@ -112,19 +151,13 @@ impl Canvas {
             let corners = self.corners_of(mesh, index);
             let outside = corners.iter().fold(u8::MAX, |common, corner| common & corner.sides) != 0;
             // A piece that bows may reach the panel though none of its corners does.
-            if corners.iter().any(|corner| corner.place == Place::Nowhere)
-                || (outside && !matches!(coverage, Coverage::Discard(_)))
-            {
+            let curved = matches!(coverage, Coverage::Discard { .. });
+            if corners.iter().any(|corner| corner.place == Place::Nowhere) || (outside && !curved) {
                 continue;
             }
-            match coverage {
-                Coverage::Discard(bow_px) => {
-                    self.draw_curved(mesh, textures, index, projector, (bow_px * STEPS).ceil(), &owns);
-                }
-                Coverage::Linear => self.draw_straight(mesh, textures, index, projector, None, &owns),
-                Coverage::Exact(bulge_per_m) => {
-                    self.draw_straight(mesh, textures, index, projector, Some(bulge_per_m), &owns);
-                }
+            match curved {
+                true => self.draw_curved(drawing, textures, index, projector, &owns),
+                false => self.draw_straight(drawing, textures, index, projector, &owns),
             }
         }
     }
@@ -151,27 +184,25 @@ impl Canvas {
 
     fn draw_straight<F: Real>(
         &mut self,
-        mesh: &Mesh,
+        drawing: &Drawing,
         textures: &[Arc<Texture>],
         index: usize,
         projector: &SliceProjector<F>,
-        bulge_per_m: Option<f64>,
         owns: &impl Fn([i64; 2]) -> bool,
     ) {
+        let Drawing { mesh, margins: bulges, .. } = drawing;
         let corners = self.corners_of(mesh, index);
         let safe = corners.iter().all(|corner| corner.place == Place::Inside);
         fill([self.width, self.height], corners, 0.0, |pixel, cell, weights| {
             let depth = (0..3).map(|corner| weights[corner] * corners[corner].depth).sum::<f32>();
-            let rival = bulge_per_m.filter(|_| self.shown[cell] != NONE).and_then(|bulge_per_m| {
-                let [own, rival] = [index, self.shown[cell] as usize].map(|index| self.piece(mesh, index, bulge_per_m));
-                own.overlaps(&rival).then_some([own, rival])
-            });
-            let nearer = match rival {
-                Some(pieces) => self.sights.line(projector, pixel, cell).is_some_and(|line| {
-                    let [own, rival] = pieces.map(|piece| piece.depth_on(&line));
+            let rival = self.shown[cell];
+            let bulge = |triangle: u32| bulges.get(triangle as usize).copied().unwrap_or(0.0);
+            let nearer = match (depth - self.depth[cell]).abs() < bulge(index as u32) + bulge(rival) {
+                true => self.sights.line(projector, pixel, cell).is_some_and(|line| {
+                    let [own, rival] = [index, rival as usize].map(|index| self.true_depth(drawing, index, &line));
                     own < rival
                 }),
-                None => depth < self.depth[cell],
+                false => depth < self.depth[cell],
             };
             if nearer && (safe || self.sights.line(projector, pixel, cell).is_some()) && owns(pixel) {
                 self.depth[cell] = depth;
@@ -181,29 +212,29 @@ impl Canvas {
         });
     }
 
-    fn piece(&self, mesh: &Mesh, index: usize, bulge_per_m: f64) -> Piece {
-        let positions = mesh.corners(&mesh.triangles[index]);
-        let depths = self.corners_of(mesh, index).map(|corner| f64::from(corner.depth));
-        let [a, b, c] = positions;
-        let bulge = bulge_per_m * [a - b, b - c, c - a].map(DVec3::length_squared).into_iter().fold(0.0, f64::max);
-        let low = depths.into_iter().fold(f64::INFINITY, f64::min) - bulge;
-        let high = depths.into_iter().fold(-f64::INFINITY, f64::max) + bulge;
-        Piece { positions, low, high }
+    /// Depth on a sight line that meets a triangle or, since straight pieces bow, nearly does: not beyond the triangle's own depths.
+    fn true_depth(&self, drawing: &Drawing, index: usize, line: &Line) -> f64 {
+        let depths = self.corners_of(&drawing.mesh, index).map(|corner| corner.depth);
+        let bulge = drawing.margins[index];
+        let low = depths.into_iter().fold(f32::INFINITY, f32::min) - bulge;
+        let high = depths.into_iter().fold(f32::NEG_INFINITY, f32::max) + bulge;
+        let depth = line.plane_depth_m(drawing.mesh.corners(&drawing.mesh.triangles[index]));
+        if depth.is_finite() { depth.clamp(low.into(), high.into()) } else { high.into() }
     }
 
     /// The patent's alternative: "a fragment shader could discard incorrect pixels that lie outside the triangle".
     fn draw_curved<F: Real>(
         &mut self,
-        mesh: &Mesh,
+        drawing: &Drawing,
         textures: &[Arc<Texture>],
         index: usize,
         projector: &SliceProjector<F>,
-        bow: f64,
         owns: &impl Fn([i64; 2]) -> bool,
     ) {
-        let triangle = &mesh.triangles[index];
-        let positions = mesh.corners(triangle);
-        fill([self.width, self.height], self.corners_of(mesh, index), bow, |pixel, cell, _| {
+        let triangle = &drawing.mesh.triangles[index];
+        let positions = drawing.mesh.corners(triangle);
+        let corners = self.corners_of(&drawing.mesh, index);
+        fill([self.width, self.height], corners, drawing.margins[index].into(), |pixel, cell, _| {
             let Some(line) = self.sights.line(projector, pixel, cell) else { return };
             let Some(weights) = line.weights(positions) else { return };
             let depth = line.plane_depth_m(positions) as f32;
@@ -212,25 +243,6 @@ impl Canvas {
                 self.luminance[cell] = shade(triangle, textures, weights).clamp(0.0, 1.0);
             }
         });
-    }
-}
-
-/// A triangle and between which depths it lies.
-struct Piece {
-    positions: [DVec3; 3],
-    low: f64,
-    high: f64,
-}
-
-impl Piece {
-    fn overlaps(&self, other: &Self) -> bool {
-        self.low <= other.high && other.low <= self.high
-    }
-
-    /// Depth on a sight line that meets the triangle or, since straight pieces bow, nearly does.
-    fn depth_on(&self, line: &Line) -> f64 {
-        let depth = line.plane_depth_m(self.positions);
-        if depth.is_finite() { depth.clamp(self.low, self.high) } else { self.high }
     }
 }
 

@@ -1,9 +1,9 @@
 //! The clear renderer: a task a slice, then halftone.
 
 use super::blur::eye_blur;
-use super::canvas::{Canvas, Coverage};
+use super::bow::edge_limit_m;
+use super::canvas::{Canvas, Coverage, Drawing};
 use super::halftone::{halftone_slices, slices_read};
-use super::mesh::Mesh;
 use super::plan::{DepthTest, Edges, Halftone, Plan, Precision};
 use super::sight::Line;
 use super::tessellate::tessellate;
@@ -16,7 +16,7 @@ use protocol::rig::{Rig, Viewers};
 use rayon::prelude::*;
 use shaders::halftone::{Slot, halftone};
 use shaders::project::SliceOptics;
-use shaders::project::methods::{FaceOptics, Real};
+use shaders::project::methods::{FaceOptics, Method, Real};
 
 /// The reference on the CPU.
 #[derive(Clone, Copy, Debug, Default)]
@@ -45,7 +45,7 @@ impl Renderer for CpuRenderer {
 
 /// What is drawn, and how.
 enum Subject<'a> {
-    Mesh(Mesh, Coverage),
+    Drawing(Drawing),
     Rays(Caster<'a>),
 }
 
@@ -54,12 +54,19 @@ impl<'a> Subject<'a> {
         if plan.edges == Edges::Rays {
             return Ok(Self::Rays(Caster::new(scene)));
         }
+        let mesh = tessellate(scene, rig, plan)?;
         let coverage = match (plan.edges, plan.depth) {
-            (Edges::Discard, _) => Coverage::Discard(plan.bow_px),
+            (Edges::Discard, _) => {
+                // Up to this length every edge keeps within the bow; what is longer was cut where it does not.
+                let radius_m = mesh.positions.iter().map(|position| position.length()).fold(0.0, f64::max);
+                let model = Method::from(plan.projection).model();
+                let length_m = edge_limit_m(rig, model, radius_m, plan.bow_px);
+                Coverage::Discard { bow_px_per_m2: plan.bow_px / (length_m * length_m), bow_px: plan.bow_px }
+            }
             (_, DepthTest::Linear) => Coverage::Linear,
-            (_, DepthTest::Exact) => Coverage::Exact(depth_bulge_per_m(rig)),
+            (_, DepthTest::Exact) => Coverage::Exact { bulge_per_m: depth_bulge_per_m(rig) },
         };
-        Ok(Self::Mesh(tessellate(scene, rig, plan)?, coverage))
+        Ok(Self::Drawing(Drawing::new(mesh, coverage)))
     }
 }
 
@@ -128,7 +135,7 @@ fn draw<F: Real>(
         };
         let projector = optics.slice(theta);
         match subject {
-            Subject::Mesh(mesh, coverage) => canvas.draw(mesh, &scene.textures, &projector, *coverage, owns),
+            Subject::Drawing(drawing) => canvas.draw(drawing, &scene.textures, &projector, owns),
             Subject::Rays(caster) => canvas.cast(&projector, owns, |line| {
                 caster.cast_along(line.mirror, line.toward_viewer, viewer_distance_m(rig, line))
             }),

@@ -26,8 +26,8 @@ pub struct Candidate {
     pub depth_m: f64,
     /// Time of one core for a turn on the machine whose prices [`turn_ns`] has, in milliseconds, without halftone.
     pub cost_ms: f64,
-    /// Triangles a slice.
-    pub triangles: usize,
+    /// What there is to do for it.
+    pub work: Work,
 }
 
 /// What is asked for.
@@ -107,14 +107,15 @@ const FINE_PX: f64 = 0.01;
 pub fn predict(mesh: &Mesh, rig: &Rig, plan: &Plan) -> Option<Candidate> {
     let error = geometric_error(mesh, rig, plan, PAIRS);
     let snap = if matches!(plan.edges, Edges::Discard | Edges::Rays) { 0.0 } else { SNAP_PX };
+    let work = Work::of(mesh, rig);
     let error_px = (RESERVE * error.worst_px + snap).max(FLOOR_PX);
     (error.points > 0 && error.lost == 0).then(|| Candidate {
         plan: *plan,
         error_px,
         error_arcmin: error.worst_arcmin * error_px / error.worst_px.max(FLOOR_PX),
         depth_m: RESERVE * error.worst_depth_m,
-        cost_ms: turn_ns(plan, &Work::of(mesh, rig)) / 1e6,
-        triangles: mesh.triangles.len(),
+        cost_ms: turn_ns(plan, &work) / 1e6,
+        work,
     })
 }
 
@@ -202,6 +203,7 @@ impl<'a> Chooser<'a> {
             let shows = candidate.depth_m > px * pitch_m(self.rig);
             let wanted = if shows { DepthTest::Exact } else { DepthTest::Linear };
             candidate.plan.depth = self.fixed.depth.unwrap_or(wanted);
+            candidate.cost_ms = turn_ns(&candidate.plan, &candidate.work) / 1e6;
         }
         candidates.sort_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
         Ok(candidates)
@@ -222,7 +224,8 @@ impl<'a> Chooser<'a> {
         // The errors of projection and bow do not just add, so a second cut uses what the first one left or takes back what it exceeded.
         let first_px = (px - way.error_px - SNAP_PX) / RESERVE;
         if first_px < FINE_PX {
-            return Ok(None);
+            // What the projection alone exceeds, edges cannot mend: a candidate only where nothing else is allowed.
+            return if self.fixed.edges.is_some() { cut((px / 4.0).max(FINE_PX)) } else { Ok(None) };
         }
         let Some(first) = cut(first_px)? else { return Ok(None) };
         if (0.8 * px..=px).contains(&first.error_px) {
@@ -237,7 +240,9 @@ impl<'a> Chooser<'a> {
         let candidates = self.candidates(px)?;
         let chosen = candidates.iter().find(|candidate| candidate.error_px <= px).copied();
         let Some(chosen) = chosen else {
-            let best = most_accurate(&candidates).expect("every way is a candidate");
+            let Some(best) = most_accurate(&candidates) else {
+                return Err(PlanError::NothingVisible(self.rig.name.clone()));
+            };
             return Err(PlanError::TooAccurate { asked: px, reached: best.error_px, best: best.plan.to_string() });
         };
         Ok(Choice { chosen, candidates })
@@ -261,7 +266,9 @@ impl<'a> Chooser<'a> {
         candidates.sort_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
         let within: Vec<Candidate> = candidates.iter().filter(|candidate| candidate.cost_ms <= ms).copied().collect();
         let Some(chosen) = most_accurate(&within) else {
-            let cheapest = candidates.first().expect("every way is a candidate");
+            let Some(cheapest) = candidates.first() else {
+                return Err(PlanError::NothingVisible(self.rig.name.clone()));
+            };
             return Err(PlanError::TooFast {
                 asked: ms,
                 possible: cheapest.cost_ms,

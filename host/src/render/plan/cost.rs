@@ -15,6 +15,8 @@ pub struct Work {
     pub vertices: f64,
     /// Triangles set up.
     pub triangles: f64,
+    /// Triangles of the mesh.
+    pub triangles_a_slice: usize,
     /// Pixels in the boxes around triangles, each tested against three edges.
     pub tested_px: f64,
     /// Pixels of triangles, also those that others hide.
@@ -45,6 +47,7 @@ impl Work {
         Self {
             vertices: passes * mesh.positions.len() as f64,
             triangles: passes * mesh.triangles.len() as f64,
+            triangles_a_slice: mesh.triangles.len(),
             tested_px: a_slice * sampled.iter().map(|(tested, _)| tested).sum::<f64>(),
             filled_px: a_slice * sampled.iter().map(|(_, filled)| filled).sum::<f64>(),
             panel_px: f64::from(slices) * panel_px(rig).min(image),
