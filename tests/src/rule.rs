@@ -1,6 +1,7 @@
 //! The rule of the projection: for every finite input an answer within the stated error, or a refusal that says so. Never NaN or
 //! infinity, never a pixel that is wrong. [`Case`] draws inputs from bytes, for property tests and the fuzzer alike.
 
+use core::f64::consts::{PI, TAU};
 use glam::{DVec2, DVec3};
 use protocol::rig::{Rig, RigError, Viewers};
 use shaders::project::methods::{FaceOptics, Method, Real};
@@ -193,6 +194,38 @@ fn keeps_the_equations(rig: &Rig, theta: f64, model: Model, point: DVec3, projec
             wrong("P', Q and V' are not in one vertical plane")
         }
         Model::Cone if defect.abs() > 1e-6 => wrong("V' is not on the cone"),
+        Model::Cone if has_nearer_root(rig, theta, point, level(at)) => wrong("another root is nearer"),
         _ => Ok(()),
     }
+}
+
+/// Whether the cone's equation has another root nearer to the planar azimuth than `viewer`, seen from above, is: by its signs at a
+/// few azimuths between, where it is continuous.
+fn has_nearer_root(rig: &Rig, theta: f64, point: DVec3, viewer: DVec2) -> bool {
+    let planar = SliceOptics::new(rig, 0, theta, Model::Planar).project(point).viewer.map(Viewer::vector);
+    let Some(planar) = planar.map(|planar| planar.x.atan2(planar.z)) else { return false };
+    let (frame, position, offset) =
+        (rig.mirror.face[0].frame(theta), rig.camera().position, rig.mirror.face[0].offset_m);
+    let defect = |azimuth: f64| {
+        let (sin, cos) = azimuth.sin_cos();
+        let toward = |distance: f64, height: f64| DVec3::new(distance * sin, height, distance * cos);
+        let away = match rig.viewers() {
+            Viewers::Circle { distance_m, height_m } => toward(distance_m, height_m) - point,
+            Viewers::Infinity { elevation } => toward(elevation.cos(), elevation.sin()),
+        };
+        let mirror = point + away * ((offset - frame.normal.dot(point)) / frame.normal.dot(away));
+        let outward = match rig.viewers() {
+            Viewers::Circle { .. } => (away + point - mirror).normalize(),
+            Viewers::Infinity { .. } => away,
+        };
+        (outward - (mirror - position).normalize()).dot(frame.across)
+    };
+    let reach = (viewer.x.atan2(viewer.y) - planar + PI).rem_euclid(TAU) - PI;
+    let at = |part: i32| defect(planar + 0.95 * reach.abs() * f64::from(part) / 16.0);
+    // Nearer than this the signs are rounding's.
+    reach.abs() > 1e-6
+        && (-16..16).any(|part| {
+            let (here, next) = (at(part), at(part + 1));
+            here * next < 0.0 && (next - here).abs() < 0.1
+        })
 }

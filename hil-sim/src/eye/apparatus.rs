@@ -69,7 +69,7 @@ impl Apparatus {
     pub(super) fn arrival(&self, face: usize, at: &FaceAt, eye: DVec3, direction: DVec3) -> Option<(f64, Pixel)> {
         let panel = &self.faces[face];
         let (sight, height) = (at.axes.z_axis.dot(direction), at.axes.z_axis.dot(eye) - panel.offset);
-        if height <= 0.0 || sight >= 0.0 {
+        if height <= 0.0 || sight >= 0.0 || !self.shines_on(panel, at) {
             return None;
         }
         let hit = eye + direction * (-height / sight);
@@ -86,6 +86,11 @@ impl Apparatus {
         inside.then_some((weight, pixel))
     }
 
+    /// Whether the projector is on the panel's bright side.
+    fn shines_on(&self, panel: &Panel, at: &FaceAt) -> bool {
+        at.axes.z_axis.dot(self.lens.centre) > panel.offset
+    }
+
     /// asin(o·e) − asin(i·e): how far, across the diffuser, light to the eye leaves from where the mirror alone would send it.
     fn skew(&self, at: &FaceAt, hit: DVec3, toward_eye: DVec3) -> f64 {
         let across = |direction: DVec3| (at.axes.x_axis.dot(direction) / direction.length()).clamp(-1.0, 1.0).asin();
@@ -97,7 +102,7 @@ impl Apparatus {
         let panel = &self.faces[face];
         let at = self.face_at(face, angle);
         let height = at.axes.z_axis.dot(eye) - panel.offset;
-        if height <= 0.0 {
+        if height <= 0.0 || !self.shines_on(panel, &at) {
             return false;
         }
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);

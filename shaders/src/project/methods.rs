@@ -77,7 +77,7 @@ pub struct Vertex<F> {
     pub depth_m: F,
     /// On which sides of the panel and its guard band it lies outside: see [`SliceOptics::sides`].
     pub sides: u8,
-    /// Whether the viewer is on the lit side of the mirror.
+    /// Whether viewer and projector are on the lit side of the mirror.
     pub lit: bool,
 }
 

@@ -1,4 +1,5 @@
 use super::*;
+use core::f64::consts::TAU;
 use proptest::prelude::*;
 
 const REFERENCE: &str = include_str!("../../../host/rigs/reference.toml");
