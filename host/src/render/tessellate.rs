@@ -13,14 +13,12 @@ use std::collections::HashMap;
 /// More triangles than this are refused: at 100 bytes each they would fill 5 GB.
 pub const TRIANGLES_MAX: usize = 50_000_000;
 
-/// No edge shorter than this many metres is cut, whatever is asked: what bows there is the optics' own edge.
-const SHORTEST_M: f64 = 1e-5;
-
-/// An edge is cut into at most as many parts at once.
-const PARTS_MAX: f64 = 64.0;
+/// No edge shorter than this share of the smallest panel is cut (4 mm on the reference rig, which bows by 0.03 px): near the viewers, and
+/// where sight lines graze the mirror, bows grow without bound.
+const SMALLEST: f64 = 1.0 / 32.0;
 
 /// Edges that need as many parts bow evenly along each.
-const PARTS_EVEN: u32 = 10;
+const PARTS_EVEN: u32 = 8;
 
 /// The bow by samples, times this, is not below the bow in any slice: 24 of 288 slices and a few places on each piece miss some
 /// of it.
@@ -31,7 +29,9 @@ const RESERVE: f64 = 1.05;
 /// Whether and where an edge is cut depends on the edge alone, so that both its triangles cut it alike and no crack opens.
 pub fn tessellate(scene: &ShadedScene, rig: &Rig, plan: &Plan) -> Result<Mesh, RenderError> {
     let method = Method::from(plan.projection);
-    let limit_m = |bow_px| edge_limit_m(rig, method.model(), scene_radius_m(scene), bow_px).max(SHORTEST_M);
+    let limit_m = |bow_px| {
+        edge_limit_m(rig, method.model(), scene_radius_m(scene), bow_px).max(2.0 * SMALLEST * whole_edge_m(rig))
+    };
     let rule = match plan.edges {
         Edges::Uniform => Rule { short_m: limit_m(plan.bow_px), whole_m: whole_edge_m(rig), optics: None },
         Edges::Straight | Edges::Rays => {
@@ -66,7 +66,8 @@ fn scene_radius_m(scene: &ShadedScene) -> f64 {
 
 /// Which edges are cut.
 struct Rule {
-    /// Edges up to this length in metres stay.
+    /// Edges up to this length in metres stay, and none is cut into shorter parts: they bow less than is allowed wherever that is
+    /// possible.
     short_m: f64,
     /// Longer edges with an end that has no pixel are cut.
     whole_m: f64,
@@ -241,7 +242,7 @@ impl Cutter {
             self.tracks.entry(end).or_insert_with(|| samples.track(self.mesh.positions[end as usize]));
         }
         let [from, to] = ends.map(|end| &self.tracks[&end]);
-        let needed = |need: f64| need.ceil().clamp(1.0, PARTS_MAX) as u32;
+        let needed = |need: f64| need.min(length / self.rule.short_m).ceil() as u32;
         if length > self.rule.whole_m && [from, to].into_iter().flatten().any(Option::is_none) {
             return needed(length / self.rule.whole_m);
         }
@@ -249,7 +250,7 @@ impl Cutter {
             return 1;
         }
         let [start, end] = ends.map(|end| self.position(end));
-        let first = needed(self.rule.strain(start, end, from, to).sqrt());
+        let first = needed(self.rule.strain(start, end, from, to).sqrt().max(1.0));
         let holds = |parts: u32| {
             let tracks: Vec<_> = (0..=parts).map(|part| samples.track(along(start, end, part, parts))).collect();
             (0..parts).all(|part| {
@@ -257,23 +258,25 @@ impl Cutter {
                 self.rule.strain(from, to, &tracks[part as usize], &tracks[part as usize + 1]) <= 1.0
             })
         };
-        // Where the bow is not even, some parts are too long. A part or two more serves better than cutting those alone: parallel edges
-        // of a scene are then cut alike. Many parts are even enough.
-        let more = if (2..PARTS_EVEN).contains(&first) { first + first.div_ceil(2) } else { first };
-        (first..more).find(|parts| holds(*parts)).unwrap_or(first)
+        // Where the bow is not even, some parts are too long. One part more serves better than cutting those alone: parallel edges of
+        // a scene are then cut alike. Many parts are even enough.
+        if (2..PARTS_EVEN).contains(&first) && !holds(first) && holds(first + 1) { first + 1 } else { first }
     }
 
     /// The centroid of a triangle that bows in the middle, though not along its edges.
     fn bulge(&mut self, piece: &[Corner; 3]) -> Option<Corner> {
         let Optics { samples, tolerance_px } = self.rule.optics.as_ref()?;
-        if tolerance_px.is_infinite() {
+        let [a, b, c] = piece.map(|corner| self.position(corner.vertex));
+        // A piece of this area has an edge or a height that is short enough.
+        let is_small = (b - a).cross(c - a).length() < 0.5 * self.rule.short_m.powi(2);
+        if tolerance_px.is_infinite() || is_small {
             return None;
         }
         for corner in piece {
             let position = self.mesh.positions[corner.vertex as usize];
             self.tracks.entry(corner.vertex).or_insert_with(|| samples.track(position));
         }
-        let centroid = piece.map(|corner| self.position(corner.vertex)).iter().sum::<DVec3>() / 3.0;
+        let centroid = (a + b + c) / 3.0;
         let corners = piece.map(|corner| &self.tracks[&corner.vertex]);
         if samples.bow_px(&samples.track(centroid), corners, [1.0 / 3.0; 3]) <= *tolerance_px {
             return None;
