@@ -142,11 +142,11 @@ const GRID: u32 = 32;
 
 /// Where the sight lines of one slice's pixels meet the mirror in another slice, on the projector's image.
 struct SightLines {
+    /// The faces in the first slice.
+    faces: Vec<SliceOptics>,
     columns: usize,
     /// Of each face, the places of the grid's corners in the other slice.
     corners: Vec<Vec<Option<DVec2>>>,
-    /// The face at the middle of each square of the grid.
-    faces: Vec<Option<usize>>,
 }
 
 impl SightLines {
@@ -154,25 +154,14 @@ impl SightLines {
     fn new(rig: &Rig, here: u32, there: u32) -> Self {
         let (columns, rows) = (rig.projector.width_px.div_ceil(GRID) + 1, rig.projector.height_px.div_ceil(GRID) + 1);
         let corner = |cell: u32| DVec2::new((cell % columns).into(), (cell / columns).into()) * f64::from(GRID);
-        let optics: Vec<_> = (0..rig.mirror.face.len())
-            .map(|face| SliceOptics::new(rig, face, rig.slice_angle(here), Model::Cone))
-            .collect();
-        let corners = optics.iter().enumerate().map(|(face, optics)| {
-            let other = SliceOptics::new(rig, face, rig.slice_angle(there), Model::Cone);
-            let place = |pixel| other.pixel_of(optics.sight_of(optics.mirror_of(pixel)?)?);
+        let faces = |slice| {
+            (0..rig.mirror.face.len()).map(move |face| SliceOptics::new(rig, face, rig.slice_angle(slice), Model::Cone))
+        };
+        let corners = faces(here).zip(faces(there)).map(|(here, there)| {
+            let place = |pixel| there.pixel_of(here.sight_of(here.mirror_of(pixel)?)?);
             (0..columns * rows).map(|cell| place(corner(cell))).collect()
         });
-        let corners = corners.collect();
-        // A pixel shows the panel that its ray meets first.
-        let face_at = |pixel: DVec2| {
-            let met = optics.iter().enumerate().filter_map(|(face, optics)| {
-                let mirror = optics.mirror_of(pixel).filter(|mirror| optics.sides(*mirror) == 0)?;
-                Some((face, optics.throw_m(mirror)))
-            });
-            met.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(face, _)| face)
-        };
-        let faces = (0..columns * rows).map(|cell| face_at(corner(cell) + f64::from(GRID) / 2.0)).collect();
-        Self { columns: columns as usize, corners, faces }
+        Self { faces: faces(here).collect(), columns: columns as usize, corners: corners.collect() }
     }
 
     /// Where the sight line of `pixel`, which lies in the image, is found in the other slice.
@@ -181,9 +170,21 @@ impl SightLines {
         let square = place.floor();
         let part = place - square;
         let cell = square.y as usize * self.columns + square.x as usize;
-        let corners = &self.corners[self.faces[cell]?];
+        let corners = &self.corners[self.face_at(pixel)?];
         let row = |cell: usize| Some(corners[cell]?.lerp(corners[cell + 1]?, part.x));
         Some(row(cell)?.lerp(row(cell + self.columns)?, part.y))
+    }
+
+    /// The face that the projector's ray through `pixel` meets first.
+    fn face_at(&self, pixel: DVec2) -> Option<usize> {
+        if self.faces.len() == 1 {
+            return Some(0);
+        }
+        let met = self.faces.iter().enumerate().filter_map(|(face, optics)| {
+            let mirror = optics.mirror_of(pixel).filter(|mirror| optics.sides(*mirror) == 0)?;
+            Some((face, optics.throw_m(mirror)))
+        });
+        met.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(face, _)| face)
     }
 }
 
