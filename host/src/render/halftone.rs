@@ -1,5 +1,6 @@
 //! A turn of grey slices becomes binary: each slice by itself, or each with what the slice before it shows on the same sight lines.
 
+use super::cpu::owner;
 use super::plan::Halftone;
 use super::turn::{Depth, Turn};
 use glam::DVec2;
@@ -166,25 +167,14 @@ impl SightLines {
 
     /// Where the sight line of `pixel`, which lies in the image, is found in the other slice.
     fn at(&self, pixel: DVec2) -> Option<DVec2> {
+        let face = if self.faces.len() == 1 { 0 } else { owner(&self.faces, pixel)? };
         let place = pixel / f64::from(GRID);
         let square = place.floor();
         let part = place - square;
         let cell = square.y as usize * self.columns + square.x as usize;
-        let corners = &self.corners[self.face_at(pixel)?];
+        let corners = &self.corners[face];
         let row = |cell: usize| Some(corners[cell]?.lerp(corners[cell + 1]?, part.x));
         Some(row(cell)?.lerp(row(cell + self.columns)?, part.y))
-    }
-
-    /// The face that the projector's ray through `pixel` meets first.
-    fn face_at(&self, pixel: DVec2) -> Option<usize> {
-        if self.faces.len() == 1 {
-            return Some(0);
-        }
-        let met = self.faces.iter().enumerate().filter_map(|(face, optics)| {
-            let mirror = optics.mirror_of(pixel).filter(|mirror| optics.sides(*mirror) == 0)?;
-            Some((face, optics.throw_m(mirror)))
-        });
-        met.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(face, _)| face)
     }
 }
 
