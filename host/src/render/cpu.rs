@@ -158,7 +158,7 @@ fn to_bytes(luminance: &[f32], bytes: &mut [u8]) {
 }
 
 /// The face that the projector's ray through `pixel` meets first; where it meets none, the one whose guard band it does.
-fn owner(faces: &[SliceOptics], pixel: DVec2) -> Option<usize> {
+pub(super) fn owner(faces: &[SliceOptics], pixel: DVec2) -> Option<usize> {
     let first = |meets: &dyn Fn(&SliceOptics, DVec3) -> bool| {
         let hits = faces.iter().enumerate().filter_map(|(face, optics)| {
             let mirror = optics.mirror_of(pixel).filter(|mirror| meets(optics, *mirror))?;

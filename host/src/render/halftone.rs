@@ -1,6 +1,7 @@
 //! A turn of grey slices becomes binary: each slice by itself, or each with what the slice before it shows on the same sight lines.
 
 use super::blur::eye_blur;
+use super::cpu::owner;
 use super::plan::Halftone;
 use super::turn::{Depth, Turn};
 use glam::DVec2;
@@ -143,11 +144,11 @@ const GRID: u32 = 32;
 
 /// Where the sight lines of one slice's pixels meet the mirror in another slice, on the projector's image.
 struct SightLines {
+    /// The faces in the first slice.
+    faces: Vec<SliceOptics>,
     columns: usize,
     /// Of each face, the places of the grid's corners in the other slice.
     corners: Vec<Vec<Option<DVec2>>>,
-    /// The face at the middle of each square of the grid.
-    faces: Vec<Option<usize>>,
 }
 
 impl SightLines {
@@ -155,34 +156,24 @@ impl SightLines {
     fn new(rig: &Rig, here: u32, there: u32) -> Self {
         let (columns, rows) = (rig.projector.width_px.div_ceil(GRID) + 1, rig.projector.height_px.div_ceil(GRID) + 1);
         let corner = |cell: u32| DVec2::new((cell % columns).into(), (cell / columns).into()) * f64::from(GRID);
-        let optics: Vec<_> = (0..rig.mirror.face.len())
-            .map(|face| SliceOptics::new(rig, face, rig.slice_angle(here), Model::Cone))
-            .collect();
-        let corners = optics.iter().enumerate().map(|(face, optics)| {
-            let other = SliceOptics::new(rig, face, rig.slice_angle(there), Model::Cone);
-            let place = |pixel| other.pixel_of(optics.sight_of(optics.mirror_of(pixel)?)?);
+        let faces = |slice| {
+            (0..rig.mirror.face.len()).map(move |face| SliceOptics::new(rig, face, rig.slice_angle(slice), Model::Cone))
+        };
+        let corners = faces(here).zip(faces(there)).map(|(here, there)| {
+            let place = |pixel| there.pixel_of(here.sight_of(here.mirror_of(pixel)?)?);
             (0..columns * rows).map(|cell| place(corner(cell))).collect()
         });
-        let corners = corners.collect();
-        // A pixel shows the panel that its ray meets first.
-        let face_at = |pixel: DVec2| {
-            let met = optics.iter().enumerate().filter_map(|(face, optics)| {
-                let mirror = optics.mirror_of(pixel).filter(|mirror| optics.sides(*mirror) == 0)?;
-                Some((face, optics.throw_m(mirror)))
-            });
-            met.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(face, _)| face)
-        };
-        let faces = (0..columns * rows).map(|cell| face_at(corner(cell) + f64::from(GRID) / 2.0)).collect();
-        Self { columns: columns as usize, corners, faces }
+        Self { faces: faces(here).collect(), columns: columns as usize, corners: corners.collect() }
     }
 
     /// Where the sight line of `pixel`, which lies in the image, is found in the other slice.
     fn at(&self, pixel: DVec2) -> Option<DVec2> {
+        let face = if self.faces.len() == 1 { 0 } else { owner(&self.faces, pixel)? };
         let place = pixel / f64::from(GRID);
         let square = place.floor();
         let part = place - square;
         let cell = square.y as usize * self.columns + square.x as usize;
-        let corners = &self.corners[self.faces[cell]?];
+        let corners = &self.corners[face];
         let row = |cell: usize| Some(corners[cell]?.lerp(corners[cell + 1]?, part.x));
         Some(row(cell)?.lerp(row(cell + self.columns)?, part.y))
     }

@@ -59,20 +59,19 @@ pub fn diffuse(
     for (y, (row, plane_row)) in (0u32..).zip(rows) {
         plane_row.fill(0);
         let rightward = y % 2 == 0;
-        let lit = row.iter().any(|luminance| *luminance > 0.0);
-        if lit {
-            wanted.fill(0.0);
-            for ((errors, rightward), shares) in above.iter().zip(&kernel.below) {
-                gather(errors, *rightward, shares, &mut wanted);
-            }
+        let lit = |luminance: &f32| *luminance > 0.0;
+        let span = row.iter().position(lit).unwrap_or(0)..row.iter().rposition(lit).map_or(0, |last| last + 1);
+        wanted[span.clone()].fill(0.0);
+        for ((errors, rightward), shares) in above.iter().zip(&kernel.below) {
+            gather(&errors[span.start..span.end + 2 * REACH], *rightward, shares, &mut wanted[span.clone()]);
         }
         above.swap(0, ROWS - 1);
         let (errors, way) = &mut above[0];
         errors.fill(0.0);
         *way = rightward;
         let (mut last, mut last_but_one) = (0.0, 0.0);
-        for step in 0..if lit { columns } else { 0 } {
-            let x = if rightward { step } else { columns - 1 - step };
+        for step in 0..span.len() {
+            let x = if rightward { span.start + step } else { span.end - 1 - step };
             let value = row[x];
             let mut error = 0.0;
             // Where nothing is, nothing is lit: the silhouette stays sharp, and an error carried over the gap is dropped.
