@@ -2,6 +2,7 @@
 
 pub mod blur;
 pub mod cpu;
+pub mod joint;
 pub mod plan;
 pub mod tessellate;
 pub mod truth;
