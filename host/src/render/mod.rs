@@ -5,6 +5,7 @@ pub mod bow;
 mod canvas;
 pub mod cpu;
 pub mod halftone;
+pub mod joint;
 pub mod mesh;
 pub mod plan;
 mod sight;

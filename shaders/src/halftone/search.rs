@@ -2,8 +2,10 @@
 //!
 //! The energy of bits b for luminance l is |G ∗ (b − l)|², G a Gaussian as wide as the eye's blur: a quadratic form with the kernel
 //! K = G ⋆ G. Flipping a pixel p changes it by ±2 c(p) + K(0), where c = K ∗ (b − l) is kept up to date flip by flip. Pixels at
-//! the same place of 8 × 8 tiles are a phase. K ends within 7 pixels, so that a phase's pixels do not see each other, and c is an
-//! integer, so that sums do not depend on their order: a phase may be decided in any order, or all at once.
+//! the same place of 10 × 10 tiles are a phase. K ends within 7 pixels, so that a phase's pixels and their neighbours do not see
+//! each other, and c is an integer, so that sums do not depend on their order: a phase may be decided in any order, or all at once.
+//!
+//! What other slices show to the same eyes enters as a field that is added to c: see [`Search::add_field`].
 
 use super::{Blur, plane_stride};
 use core::array::from_fn;
@@ -16,20 +18,22 @@ pub fn improve(blur: Blur, width: u32, luminance: &[f32], plane: &mut [u8]) {
     let kernel = Kernel::new(blur);
     let mut search = Search::new(&kernel, width, luminance, plane);
     for _ in 0..SWEEPS {
-        search.sweep(&kernel);
+        search.sweep(&kernel, Moves::Flips);
     }
     search.write(width, plane);
 }
 
 /// Side of a tile: a sweep has [`TILE`]² phases.
-const TILE: usize = 8;
+const TILE: usize = 10;
 /// K reaches this many pixels.
-const REACH: usize = TILE - 1;
+const REACH: usize = 7;
 /// Columns of the kernel's table: 2 [`REACH`] + 1, and one to fill up.
 const COLUMNS: usize = ROWS + 1;
 const ROWS: usize = 2 * REACH + 1;
 /// The sum of K's entries, from which its scale follows: however wrong the bits are, c fits.
-const KERNEL_SUM: f64 = 30_000.0;
+const KERNEL_SUM: f64 = 27_000.0;
+/// A field is held within this, so that it fits with c.
+const FIELD_MAX: f32 = 5_000.0;
 
 /// K in fixed point.
 #[derive(Clone, Debug)]
@@ -110,6 +114,15 @@ fn dot(a: &[f64; ROWS], b: &[f64; ROWS]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
+/// What a sweep tries at each pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Moves {
+    /// To flip it.
+    Flips,
+    /// To flip it, or to swap it with one of its eight neighbours, whichever lowers the energy more.
+    Swaps,
+}
+
 /// A slice under search: its picture's bounding box with a margin of [`TILE`] pixels, in which nothing is.
 #[derive(Clone, Debug)]
 pub struct Search {
@@ -177,14 +190,28 @@ impl Search {
         }
     }
 
-    /// Decides every pixel once. Returns how many flipped.
-    pub fn sweep(&mut self, kernel: &Kernel) -> u32 {
-        (0..TILE * TILE).map(|phase| self.decide(kernel, phase)).sum()
+    /// Adds `field` at each searched (column, row) of the slice to c: K ∗ (b − l) of what eyes see together with this pixel.
+    pub fn add_field(&mut self, field: impl Fn(usize, usize) -> f32) {
+        let width = self.size[0];
+        for (cell, error) in self.error.iter_mut().enumerate().filter(|(cell, _)| self.state[*cell] != 0) {
+            let value = field(self.left + cell % width - TILE, self.top + cell / width - TILE);
+            *error += value.clamp(-FIELD_MAX, FIELD_MAX) as i16;
+        }
     }
 
-    /// Decides the pixels of a phase. Returns how many flipped.
-    fn decide(&mut self, kernel: &Kernel, phase: usize) -> u32 {
-        self.phase(phase).map(|cell| u32::from(self.decide_cell(kernel, cell))).sum()
+    /// Decides every pixel once. Returns how many moved.
+    pub fn sweep(&mut self, kernel: &Kernel, moves: Moves) -> u32 {
+        (0..TILE * TILE).map(|phase| self.decide(kernel, moves, phase)).sum()
+    }
+
+    /// Decides the pixels of a phase. Returns how many moved.
+    fn decide(&mut self, kernel: &Kernel, moves: Moves, phase: usize) -> u32 {
+        let cells = self.phase(phase);
+        let decide = |cell| match moves {
+            Moves::Flips => self.flip(kernel, cell),
+            Moves::Swaps => self.swap(kernel, cell),
+        };
+        cells.map(decide).map(u32::from).sum()
     }
 
     /// The cells of a phase.
@@ -195,36 +222,69 @@ impl Search {
     }
 
     /// Flips `cell` where that lowers the energy.
-    fn decide_cell(&mut self, kernel: &Kernel, cell: usize) -> bool {
+    fn flip(&mut self, kernel: &Kernel, cell: usize) -> bool {
         let state = self.state[cell];
         let flips = i16::from(state) * self.error[cell] > kernel.peak() / 2;
         if flips {
-            self.state[cell] = -state;
-            self.stamp(kernel, cell, state);
+            self.set(kernel, cell, -state);
         }
         flips
     }
 
-    /// Takes `sign` K about `cell` from c.
-    fn stamp(&mut self, kernel: &Kernel, cell: usize, sign: i8) {
+    /// Flips `cell`, alone or with the neighbour with which that lowers the energy most, where anything does.
+    fn swap(&mut self, kernel: &Kernel, cell: usize) -> bool {
+        let (state, width) = (self.state[cell], self.size[0]);
+        if state == 0 {
+            return false;
+        }
+        let pull = |cell: usize| i32::from(state) * i32::from(self.error[cell]);
+        // Half the change of energy.
+        let mut best = (i32::from(kernel.peak()) / 2 - pull(cell), None);
+        for row in 0..3 {
+            for column in 0..3 {
+                let other = cell + row * width + column - width - 1;
+                if self.state[other] == -state {
+                    let barrier = kernel.peak() - kernel.taps[REACH + row - 1][REACH + column - 1];
+                    let change = i32::from(barrier) - pull(cell) + pull(other);
+                    if change < best.0 {
+                        best = (change, Some(other));
+                    }
+                }
+            }
+        }
+        let (change, other) = best;
+        if change < 0 {
+            self.set(kernel, cell, -state);
+            if let Some(other) = other {
+                self.set(kernel, other, state);
+            }
+        }
+        change < 0
+    }
+
+    /// Flips `cell` to `state` and keeps c up to date.
+    fn set(&mut self, kernel: &Kernel, cell: usize, state: i8) {
+        self.state[cell] = state;
         let first = cell - REACH * self.size[0] - REACH;
         for (taps, line) in kernel.taps.iter().zip(self.error[first..].chunks_mut(self.size[0])) {
-            let line = &mut line[..COLUMNS];
-            for (error, tap) in line.iter_mut().zip(taps) {
-                *error = if sign > 0 { *error - tap } else { *error + tap };
+            for (error, tap) in line[..COLUMNS].iter_mut().zip(taps) {
+                *error = if state > 0 { *error + tap } else { *error - tap };
             }
         }
     }
 
-    /// The energy of the bits, in units that compare slices of one kernel.
-    pub fn energy(&self) -> f64 {
-        let cells = self.state.iter().zip(&self.luminance).zip(&self.error);
-        cells
-            .map(|((state, luminance), error)| {
-                let bit = f64::from(u8::from(*state > 0));
-                (bit - f64::from(*luminance)) * f64::from(*error)
-            })
-            .sum()
+    /// c + `sharp` K(0) (b − l): this slice's error as another slice feels it, see [`Search::add_field`].
+    pub fn field(&self, kernel: &Kernel, sharp: f32) -> Field {
+        let unblurred = sharp * f32::from(kernel.peak());
+        let cells = self.error.iter().zip(&self.state).zip(&self.luminance);
+        let value = |((error, state), luminance): ((&i16, &i8), &f32)| {
+            f32::from(*error) + unblurred * (f32::from(u8::from(*state > 0)) - luminance)
+        };
+        Field {
+            first: [self.left as f32 - TILE as f32, self.top as f32 - TILE as f32],
+            width: self.size[0],
+            values: cells.map(value).collect(),
+        }
     }
 
     /// Sets the searched bits in `plane`.
@@ -237,6 +297,30 @@ impl Search {
                 *byte = *byte & !(1 << (x % 8)) | u8::from(*state > 0) << (x % 8);
             }
         }
+    }
+}
+
+/// A slice's error with the kernel: see [`Search::field`].
+#[derive(Clone, Debug)]
+pub struct Field {
+    /// The column and row of the first value.
+    first: [f32; 2],
+    width: usize,
+    values: Vec<f32>,
+}
+
+impl Field {
+    /// At (u, v) in pixels, linear between their centres; 0 outside.
+    pub fn at(&self, u: f32, v: f32) -> f32 {
+        let [x, y] = [u - 0.5 - self.first[0], v - 0.5 - self.first[1]];
+        let cell = y as usize * self.width + x as usize;
+        if x < 0.0 || y < 0.0 || x as usize + 1 >= self.width || cell + self.width + 1 >= self.values.len() {
+            return 0.0;
+        }
+        let [right, down] = [x.fract(), y.fract()];
+        let between = |cell: usize| self.values[cell] + right * (self.values[cell + 1] - self.values[cell]);
+        let (above, below) = (between(cell), between(cell + self.width));
+        above + down * (below - above)
     }
 }
 
@@ -335,17 +419,47 @@ mod tests {
     fn the_order_within_a_phase_does_not_matter() {
         let luminance = picture();
         let kernel = Kernel::new(Blur([2.5, -0.7, 2.0]));
-        let mut forward = Search::new(&kernel, WIDTH, &luminance, &start(&luminance));
-        let mut backward = forward.clone();
-        for phase in 0..TILE * TILE {
-            forward.decide(&kernel, phase);
-            let mut cells: Vec<_> = backward.phase(phase).collect();
-            cells.reverse();
-            for cell in cells {
-                backward.decide_cell(&kernel, cell);
+        let search = Search::new(&kernel, WIDTH, &luminance, &start(&luminance));
+        for moves in [Moves::Flips, Moves::Swaps] {
+            let (mut forward, mut backward) = (search.clone(), search.clone());
+            for phase in 0..TILE * TILE {
+                forward.decide(&kernel, moves, phase);
+                let mut cells: Vec<_> = backward.phase(phase).collect();
+                cells.reverse();
+                for cell in cells {
+                    match moves {
+                        Moves::Flips => backward.flip(&kernel, cell),
+                        Moves::Swaps => backward.swap(&kernel, cell),
+                    };
+                }
+                assert!(forward.state == backward.state && forward.error == backward.error, "{moves:?} {phase}");
             }
-            assert!(forward.state == backward.state && forward.error == backward.error, "phase {phase}");
         }
+    }
+
+    #[test]
+    fn a_field_is_what_it_says() {
+        let luminance = picture();
+        let kernel = Kernel::new(Blur::ROUND);
+        let mut search = Search::new(&kernel, WIDTH, &luminance, &start(&luminance));
+        let field = search.field(&kernel, 0.0);
+        let (x, y) = (45, 30);
+        let cell = (y - search.top + TILE) * search.size[0] + x - search.left + TILE;
+        let (here, beside) = (f32::from(search.error[cell]), f32::from(search.error[cell + 1]));
+        assert_eq!(field.at(45.5, 30.5), here);
+        assert!((field.at(46.0, 30.5) - (here + beside) / 2.0).abs() < 0.01);
+        assert_eq!(
+            [field.at(-500.0, 30.0), field.at(500.0, 30.0), field.at(30.0, -500.0), field.at(30.0, 500.0)],
+            [0.0; 4]
+        );
+        let lit = f32::from(u8::from(search.state[cell] > 0)) - luminance[y * WIDTH as usize + x];
+        let sharp = search.field(&kernel, 0.5).at(45.5, 30.5) - here;
+        assert!((sharp - 0.5 * f32::from(kernel.peak()) * lit).abs() < 0.01);
+        // A slice that others make brighter than wanted darkens.
+        let before = search.state.iter().filter(|state| **state > 0).count();
+        search.add_field(|_, _| 2000.0);
+        search.sweep(&kernel, Moves::Swaps);
+        assert!(search.state.iter().filter(|state| **state > 0).count() < before - 50);
     }
 
     #[test]
@@ -354,7 +468,7 @@ mod tests {
         for blur in [Blur::ROUND, Blur([3.0, 0.9, 2.2]), Blur([0.0; 3]), Blur([400.0, 30.0, 90.0])] {
             let kernel = Kernel::new(blur);
             let mut search = Search::new(&kernel, WIDTH, &luminance, &start(&luminance));
-            assert!(search.sweep(&kernel) > 0);
+            assert!(search.sweep(&kernel, Moves::Flips) + search.sweep(&kernel, Moves::Swaps) > 0);
             let kept = search.error.clone();
             search.convolve(&kernel);
             // Where nothing is searched, nobody reads it.
