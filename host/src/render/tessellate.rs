@@ -242,7 +242,8 @@ impl Cutter {
             self.tracks.entry(end).or_insert_with(|| samples.track(self.mesh.positions[end as usize]));
         }
         let [from, to] = ends.map(|end| &self.tracks[&end]);
-        let needed = |need: f64| need.min(length / self.rule.short_m).ceil() as u32;
+        let most = (length / self.rule.short_m).ceil() as u32;
+        let needed = |need: f64| (need.ceil() as u32).clamp(1, most);
         if length > self.rule.whole_m && [from, to].into_iter().flatten().any(Option::is_none) {
             return needed(length / self.rule.whole_m);
         }
@@ -250,7 +251,7 @@ impl Cutter {
             return 1;
         }
         let [start, end] = ends.map(|end| self.position(end));
-        let first = needed(self.rule.strain(start, end, from, to).sqrt().max(1.0));
+        let first = needed(self.rule.strain(start, end, from, to).sqrt());
         let holds = |parts: u32| {
             let tracks: Vec<_> = (0..=parts).map(|part| samples.track(along(start, end, part, parts))).collect();
             (0..parts).all(|part| {
@@ -260,7 +261,7 @@ impl Cutter {
         };
         // Where the bow is not even, some parts are too long. One part more serves better than cutting those alone: parallel edges of
         // a scene are then cut alike. Many parts are even enough.
-        if (2..PARTS_EVEN).contains(&first) && !holds(first) && holds(first + 1) { first + 1 } else { first }
+        if (2..most.min(PARTS_EVEN)).contains(&first) && !holds(first) && holds(first + 1) { first + 1 } else { first }
     }
 
     /// The centroid of a triangle that bows in the middle, though not along its edges.
