@@ -17,6 +17,10 @@ pub const TRIANGLES_MAX: usize = 50_000_000;
 /// where sight lines graze the mirror, bows grow without bound.
 const SMALLEST: f64 = 1.0 / 32.0;
 
+/// Pieces of as many cuts stay as they are. Four or five suffice, but where an edge has an end without a pixel it may stay while its
+/// parts are cut, and cutting could go on for ever.
+const GENERATIONS: u32 = 10;
+
 /// Edges that need as many parts bow evenly along each.
 const PARTS_EVEN: u32 = 8;
 
@@ -116,24 +120,26 @@ struct Cutter {
 impl Cutter {
     fn add(&mut self, triangle: &Triangle) {
         let whole = [0, 1, 2].map(|corner| Corner { vertex: triangle.corners[corner], weights: Vec3::AXES[corner] });
-        let mut waiting = vec![whole];
-        while let Some(piece) = waiting.pop() {
+        let mut waiting = vec![(whole, 0)];
+        while let Some((piece, generation)) = waiting.pop() {
             let lengths = [0, 1, 2].map(|edge| self.length_m([piece[edge].vertex, piece[(edge + 1) % 3].vertex]));
             if self.is_out_of_reach(&piece) || self.mesh.triangles.len() > TRIANGLES_MAX {
                 continue;
             }
-            if lengths.iter().all(|length| *length <= self.rule.short_m) {
+            if generation == GENERATIONS || lengths.iter().all(|length| *length <= self.rule.short_m) {
                 self.emit(triangle, &piece);
                 continue;
             }
             let parts = [0, 1, 2].map(|edge| self.chain(piece[edge], piece[(edge + 1) % 3]).len() - 1);
+            let mut pieces = Vec::new();
             if parts != [1; 3] {
-                self.divide(piece, parts, &mut waiting);
+                self.divide(piece, parts, &mut pieces);
             } else if let Some(centre) = self.bulge(&piece) {
-                waiting.extend([0, 1, 2].map(|edge| [piece[edge], piece[(edge + 1) % 3], centre]));
+                pieces.extend([0, 1, 2].map(|edge| [piece[edge], piece[(edge + 1) % 3], centre]));
             } else {
                 self.emit(triangle, &piece);
             }
+            waiting.extend(pieces.into_iter().map(|piece| (piece, generation + 1)));
         }
     }
 
