@@ -17,6 +17,10 @@ pub const TRIANGLES_MAX: usize = 50_000_000;
 /// where sight lines graze the mirror, bows grow without bound.
 const SMALLEST: f64 = 1.0 / 32.0;
 
+/// Pieces of as many cuts stay as they are. Four or five suffice, but where an edge has an end without a pixel it may stay while its
+/// parts are cut, and cutting could go on for ever.
+const GENERATIONS: u32 = 10;
+
 /// Edges that need as many parts bow evenly along each.
 const PARTS_EVEN: u32 = 8;
 
@@ -116,24 +120,26 @@ struct Cutter {
 impl Cutter {
     fn add(&mut self, triangle: &Triangle) {
         let whole = [0, 1, 2].map(|corner| Corner { vertex: triangle.corners[corner], weights: Vec3::AXES[corner] });
-        let mut waiting = vec![whole];
-        while let Some(piece) = waiting.pop() {
+        let mut waiting = vec![(whole, 0)];
+        while let Some((piece, generation)) = waiting.pop() {
             let lengths = [0, 1, 2].map(|edge| self.length_m([piece[edge].vertex, piece[(edge + 1) % 3].vertex]));
             if self.is_out_of_reach(&piece) || self.mesh.triangles.len() > TRIANGLES_MAX {
                 continue;
             }
-            if lengths.iter().all(|length| *length <= self.rule.short_m) {
+            if generation == GENERATIONS || lengths.iter().all(|length| *length <= self.rule.short_m) {
                 self.emit(triangle, &piece);
                 continue;
             }
             let parts = [0, 1, 2].map(|edge| self.chain(piece[edge], piece[(edge + 1) % 3]).len() - 1);
+            let mut pieces = Vec::new();
             if parts != [1; 3] {
-                self.divide(piece, parts, &mut waiting);
+                self.divide(piece, parts, &mut pieces);
             } else if let Some(centre) = self.bulge(&piece) {
-                waiting.extend([0, 1, 2].map(|edge| [piece[edge], piece[(edge + 1) % 3], centre]));
+                pieces.extend([0, 1, 2].map(|edge| [piece[edge], piece[(edge + 1) % 3], centre]));
             } else {
                 self.emit(triangle, &piece);
             }
+            waiting.extend(pieces.into_iter().map(|piece| (piece, generation + 1)));
         }
     }
 
@@ -242,7 +248,8 @@ impl Cutter {
             self.tracks.entry(end).or_insert_with(|| samples.track(self.mesh.positions[end as usize]));
         }
         let [from, to] = ends.map(|end| &self.tracks[&end]);
-        let needed = |need: f64| need.min(length / self.rule.short_m).ceil() as u32;
+        let most = (length / self.rule.short_m).ceil() as u32;
+        let needed = |need: f64| (need.ceil() as u32).clamp(1, most);
         if length > self.rule.whole_m && [from, to].into_iter().flatten().any(Option::is_none) {
             return needed(length / self.rule.whole_m);
         }
@@ -250,7 +257,7 @@ impl Cutter {
             return 1;
         }
         let [start, end] = ends.map(|end| self.position(end));
-        let first = needed(self.rule.strain(start, end, from, to).sqrt().max(1.0));
+        let first = needed(self.rule.strain(start, end, from, to).sqrt());
         let holds = |parts: u32| {
             let tracks: Vec<_> = (0..=parts).map(|part| samples.track(along(start, end, part, parts))).collect();
             (0..parts).all(|part| {
@@ -260,7 +267,7 @@ impl Cutter {
         };
         // Where the bow is not even, some parts are too long. One part more serves better than cutting those alone: parallel edges of
         // a scene are then cut alike. Many parts are even enough.
-        if (2..PARTS_EVEN).contains(&first) && !holds(first) && holds(first + 1) { first + 1 } else { first }
+        if (2..most.min(PARTS_EVEN)).contains(&first) && !holds(first) && holds(first + 1) { first + 1 } else { first }
     }
 
     /// The centroid of a triangle that bows in the middle, though not along its edges.
