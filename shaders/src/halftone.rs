@@ -1,4 +1,5 @@
-//! Luminance to one bit, one slice at a time. A slice does not depend on another, nor on the order in which they are made.
+//! Luminance to one bit, one slice at a time. A slice does not depend on another, nor on the order in which they are
+//! made.
 
 pub mod diffusion;
 pub mod mask;
@@ -19,8 +20,8 @@ pub enum Halftone {
     BlueNoiseFixed,
     /// The same, its thresholds moved by half their range in every other slice.
     BlueNoiseHalf,
-    /// The same, its thresholds moved by the golden ratio from slice to slice, so that the two or three slices that an eye sums
-    /// on a sight line fill each other's gaps.
+    /// The same, its thresholds moved by the golden ratio from slice to slice, so that the two or three slices that an
+    /// eye sums on a sight line fill each other's gaps.
     BlueNoise,
     /// [`Halftone::BlueNoise`], its thresholds moved by half their range in every other turn.
     AlternatingBlueNoise,
@@ -61,8 +62,8 @@ pub const fn plane_stride(width: u32) -> usize {
     width.div_ceil(8) as usize
 }
 
-/// Halftones the slice of `slot`. `luminance`: `width` columns, row major, linear, 0 … 1 (beyond it saturates); `plane`: as many rows
-/// of [`plane_stride`] bytes. A pixel of luminance 0 stays dark, one of 1 is lit.
+/// Halftones the slice of `slot`. `luminance`: `width` columns, row major, linear, 0 … 1 (beyond it saturates);
+/// `plane`: as many rows of [`plane_stride`] bytes. A pixel of luminance 0 stays dark, one of 1 is lit.
 pub fn halftone(method: Halftone, slot: Slot, width: u32, luminance: &[f32], plane: &mut [u8]) {
     let Slot { slice, turn, .. } = slot;
     let mut blue_noise = |shift| {

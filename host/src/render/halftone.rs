@@ -1,4 +1,5 @@
-//! A turn of grey slices becomes binary: each slice by itself, or each with what the slice before it shows on the same sight lines.
+//! A turn of grey slices becomes binary: each slice by itself, or each with what the slice before it shows on the same
+//! sight lines.
 
 use super::blur::eye_blur;
 use super::cpu::owner;
@@ -13,13 +14,14 @@ use shaders::project::{Model, SliceOptics};
 
 /// Slices that are carried through in one go. Goes do not wait for each other.
 const GO: u32 = 24;
-/// Slices before a go that are halftoned for what they leave to it: of [`CARRIED`] to this power, 3 %, nothing can be seen.
+/// Slices before a go that are halftoned for what they leave to it: of [`CARRIED`] to this power, 3 %, nothing can be
+/// seen.
 const WARM_UP: u32 = 5;
 /// The share of what a slice's bits leave unsaid that the next slice makes good on the same sight lines.
 const CARRIED: f32 = 0.5;
 
-/// All slices of `grey`, a turn of [`Depth::Grey`], as turn number `turn` by `method`; a copy for [`Halftone::Grey`]. `done` is called
-/// from any thread after each slice.
+/// All slices of `grey`, a turn of [`Depth::Grey`], as turn number `turn` by `method`; a copy for [`Halftone::Grey`].
+/// `done` is called from any thread after each slice.
 pub fn binary_turn(grey: &Turn, rig: &Rig, method: Halftone, turn: u32, done: &(dyn Fn() + Sync)) -> Turn {
     halftone_slices(grey, rig, method, turn, &(0..grey.slices()).collect::<Vec<_>>(), done)
 }

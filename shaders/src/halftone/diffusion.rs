@@ -9,7 +9,8 @@ pub struct Kernel {
     ahead: [f32; 2],
     /// Shares in the next two rows, from two pixels behind to two ahead.
     below: [[f32; TAPS]; ROWS],
-    /// The threshold is higher by half of this on one colour of a checkerboard than on the other; the colours change from slice to slice.
+    /// The threshold is higher by half of this on one colour of a checkerboard than on the other; the colours change
+    /// from slice to slice.
     checkerboard: f32,
     /// How far the threshold wanders from pixel to pixel, to break up worms.
     noise: f32,
@@ -29,7 +30,8 @@ impl Kernel {
         noise: 0.1,
     };
 
-    /// The kernel that leaves the least error after a Gaussian of σ = 1.5 pixels, if errors are white (Kolpatzik and Bouman 1992).
+    /// The kernel that leaves the least error after a Gaussian of σ = 1.5 pixels, if errors are white (Kolpatzik and
+    /// Bouman 1992).
     ///
     /// It is the best prediction of the blurred error from pixels already set: the shares h, of sum 1, least in
     /// |g ∗ (δ − h)|² + 0.02 |h|². The second term keeps the errors small enough for one bit.
@@ -41,8 +43,8 @@ impl Kernel {
     };
 }
 
-/// Diffuses the errors of a slice. `seed` tells slices apart. `correction` is added to the luminance of a pixel before it is
-/// decided, without a say in whether the pixel is part of the picture; see [`super::halftone`] for the rest.
+/// Diffuses the errors of a slice. `seed` tells slices apart. `correction` is added to the luminance of a pixel before
+/// it is decided, without a say in whether the pixel is part of the picture; see [`super::halftone`] for the rest.
 pub fn diffuse(
     kernel: &Kernel,
     seed: u32,
@@ -74,7 +76,8 @@ pub fn diffuse(
             let x = if rightward { span.start + step } else { span.end - 1 - step };
             let value = row[x];
             let mut error = 0.0;
-            // Where nothing is, nothing is lit: the silhouette stays sharp, and an error carried over the gap is dropped.
+            // Where nothing is, nothing is lit: the silhouette stays sharp, and an error carried over the gap is
+            // dropped.
             if value > 0.0 {
                 let carried = wanted[x] + kernel.ahead[0] * last + kernel.ahead[1] * last_but_one;
                 let wanted = value.min(1.0) + carried + correction(y as usize * columns + x);

@@ -66,8 +66,8 @@ pub const VOLUME_SLICES: usize = 16;
 
 /// A 32 × 32 × 16 blue-noise mask over columns, rows and slices: every rank 0 … 16383 once, slice after slice.
 ///
-/// The hats of an eye's lobe that neighbouring slices have in common fall to 0.4 from one to the next and to nothing two slices on:
-/// a Gaussian of 0.75 slices.
+/// The hats of an eye's lobe that neighbouring slices have in common fall to 0.4 from one to the next and to nothing
+/// two slices on: a Gaussian of 0.75 slices.
 pub fn blue_noise_volume() -> &'static [u16] {
     static RANKS: OnceLock<Vec<u16>> = OnceLock::new();
     RANKS.get_or_init(|| void_and_cluster([VOLUME_SIDE, VOLUME_SIDE, VOLUME_SLICES], 1.5, 0.75))

@@ -5,8 +5,8 @@ use super::hash;
 /// Columns, rows and slices of a mask.
 pub type Size = [usize; 3];
 
-/// A mask of `size` that holds every rank from 0 once, columns first, then rows, then slices. Points repel each other by a Gaussian
-/// of `sigma` pixels and `sigma_slices` slices. At most 65,536 cells.
+/// A mask of `size` that holds every rank from 0 once, columns first, then rows, then slices. Points repel each other
+/// by a Gaussian of `sigma` pixels and `sigma_slices` slices. At most 65,536 cells.
 pub fn void_and_cluster(size: Size, sigma: f64, sigma_slices: f64) -> Vec<u16> {
     let kernel = kernel(size, [sigma, sigma, sigma_slices]);
     let cells = size.iter().product();
@@ -50,7 +50,8 @@ struct Tap {
     energy: i32,
 }
 
-/// The Gaussian in whole numbers, so that a mask does not depend on the machine nor on the order of sums; without its tail beyond 4 σ.
+/// The Gaussian in whole numbers, so that a mask does not depend on the machine nor on the order of sums; without its
+/// tail beyond 4 σ.
 fn kernel(size: Size, sigma: [f64; 3]) -> Vec<Tap> {
     let axis = |axis: usize| {
         let fold = move |offset: usize| offset.min(size[axis] - offset) as f64 / sigma[axis];
