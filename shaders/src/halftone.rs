@@ -81,7 +81,7 @@ pub fn halftone(method: Halftone, slot: Slot, width: u32, luminance: &[f32], pla
         Halftone::FloydSteinberg => diffuse(&Kernel::FLOYD_STEINBERG, slice, width, luminance, plane, |_| 0.0),
         Halftone::OptimisedDiffusion => diffuse(&Kernel::OPTIMISED, slice, width, luminance, plane, |_| 0.0),
         Halftone::Search => {
-            blue_noise(mask::golden_shift(slice));
+            diffuse(&Kernel::OPTIMISED, slice, width, luminance, plane, |_| 0.0);
             search::improve(slot.blur, width, luminance, plane);
         }
         Halftone::AlternatingDiffusion => {

@@ -55,7 +55,7 @@ impl<'a> Joint<'a> {
         let (slices, width, height) = (self.rig.rotation.slices, self.grey.width(), self.grey.height());
         let mut turn = Turn::dark(slices, width, height, Depth::Binary)?;
         let bytes = turn.slice_bytes();
-        let method = Halftone::BlueNoise.binary().expect("a binary method");
+        let method = Halftone::OptimisedDiffusion.binary().expect("a binary method");
         turn.bytes_mut().par_chunks_mut(bytes).zip(0..slices).for_each(|(plane, slice)| {
             let slot = Slot { slice, turn: 0, blur: eye_blur(self.rig, slice) };
             halftone(method, slot, width, &self.luminance(slice), plane);
