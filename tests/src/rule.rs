@@ -51,7 +51,7 @@ impl Numbers<'_> {
             16..=28 => low + (high - low) * self.fraction(),
             29 | 30 => {
                 let size = 10f64.powf(20.0 * self.fraction() - 10.0);
-                if self.byte() % 2 == 0 { size } else { -size }
+                if self.byte().is_multiple_of(2) { size } else { -size }
             }
             _ => f64::from_le_bytes(core::array::from_fn(|_| self.byte())),
         }
