@@ -156,8 +156,8 @@ impl SliceOptics {
     pub fn project(&self, point: DVec3) -> Projected {
         let mut projected =
             Projected { viewer: None, pixel: None, mirror: None, depth_m: None, visibility: Visibility::NoViewer };
-        // Farther than 1e154 m, squares of distances are infinite.
-        let Some(viewer) = self.viewer_of(point).filter(|viewer| viewer.depth_of(point).is_finite()) else {
+        // From 1e154 m on, squares of distances are infinite.
+        let Some(viewer) = self.viewer_of(point).filter(|_| point.abs().max_element() < 1e100) else {
             return projected;
         };
         projected.viewer = Some(viewer);
@@ -308,7 +308,8 @@ impl SliceOptics {
     /// Written from `point`, which loses no digits where the circle or P' is far away.
     fn planar_viewer(&self, point: DVec3) -> Option<Viewer> {
         let away = point - self.projector_image;
-        let away = DVec2::new(away.x, away.z).try_normalize()?;
+        // Nearer than 1e-100 m its square has lost its digits.
+        let away = Some(DVec2::new(away.x, away.z)).filter(|away| away.length_squared() > 1e-200)?.try_normalize()?;
         match self.viewers {
             Viewers::Circle { distance_m, height_m } => {
                 let level = DVec2::new(point.x, point.z);

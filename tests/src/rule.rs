@@ -51,7 +51,7 @@ impl Numbers<'_> {
             16..=28 => low + (high - low) * self.fraction(),
             29 | 30 => {
                 let size = 10f64.powf(20.0 * self.fraction() - 10.0);
-                if self.byte() % 2 == 0 { size } else { -size }
+                if self.byte().is_multiple_of(2) { size } else { -size }
             }
             _ => f64::from_le_bytes(core::array::from_fn(|_| self.byte())),
         }
@@ -193,7 +193,8 @@ fn keeps_the_equations(rig: &Rig, theta: f64, model: Model, point: DVec3, projec
         {
             wrong("P', Q and V' are not in one vertical plane")
         }
-        Model::Cone if defect.abs() > 1e-6 => wrong("V' is not on the cone"),
+        // A far point's rounding moves M, and the ray to it from a projector that all but touches the mirror turns by more.
+        Model::Cone if defect.abs() > 1e-6 + 1e-14 * size / mirror.distance(position) => wrong("V' is not on the cone"),
         Model::Cone if has_nearer_root(rig, theta, point, level(at)) => wrong("another root is nearer"),
         _ => Ok(()),
     }

@@ -1,6 +1,7 @@
 //! Each projection method driven to its limits and past them, in either precision: what it does there, and how far it is off.
 
 use glam::{DVec2, DVec3};
+use proptest::prelude::*;
 use protocol::rig::Rig;
 use shaders::project::methods::{FaceOptics, Method, Real, single_is_enough};
 use shaders::project::{Model, SliceOptics, Visibility};
@@ -300,4 +301,16 @@ fn roughness<F: Real>(rig: &Rig, method: Method) -> f64 {
         worst = worst.max(third_difference(&drift)).max(third_difference(&rest));
     }
     worst
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(3000))]
+
+    #[test]
+    fn any_input_keeps_the_rule(bytes in prop::collection::vec(any::<u8>(), 0..100)) {
+        // A rig that is refused is an answer too.
+        if let Ok(case) = Case::from_bytes(&bytes) {
+            prop_assert_eq!(case.check(), Ok(()));
+        }
+    }
 }

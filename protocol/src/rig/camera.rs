@@ -89,13 +89,13 @@ impl Camera {
     }
 
     /// The pixel at which world point `point` appears; `None` where it is not in front, or so far aside that the lens's polynomial
-    /// folds back.
+    /// folds back or numbers end.
     pub fn project(&self, point: DVec3) -> Option<DVec2> {
         let homogeneous = self.pixel_from_world * (point - self.position);
         if homogeneous.z.is_nan() || homogeneous.z <= 0.0 {
             return None;
         }
-        self.distort(homogeneous.truncate() / homogeneous.z)
+        self.distort(homogeneous.truncate() / homogeneous.z).filter(|pixel| pixel.is_finite())
     }
 
     /// The unit direction, from [`Camera::position`], of the ray through `pixel`.

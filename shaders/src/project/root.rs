@@ -34,16 +34,23 @@ pub(super) fn secant(defect: &impl Fn(f64) -> Option<f64>, start: f64) -> Option
 
 /// The sign change of `defect` nearest to `start`, by a scan outward in steps of a degree and bisection.
 ///
-/// The defect is about a sine of the azimuth less a constant: where it has one sign at 16 places around the circle, the cone misses
-/// the circle, and the scan, which costs 30 times as much, is left out.
+/// The defect is about a sine of the azimuth less a constant: where it has one sign at 16 places around the circle, and at every
+/// degree around the place where it is smallest, the cone misses the circle, and the scan, which costs more, is left out.
 pub(super) fn nearest_root(defect: &impl Fn(f64) -> Option<f64>, start: f64) -> Option<f64> {
-    let sign = |place: i32| defect(start + f64::from(place) * (TAU / 16.0)).map(f64::is_sign_positive);
-    let first = sign(0);
-    if first.is_some() && (1..16).all(|place| sign(place) == first) {
+    const PLACES: i32 = 16;
+    const DEGREE: f64 = PI / 180.0;
+    let around = |place: i32| start + f64::from(place) * (TAU / f64::from(PLACES));
+    let values = (0..PLACES).map(|place| (around(place), defect(around(place))));
+    let size = |value: Option<f64>| value.map_or(f64::INFINITY, f64::abs);
+    let smallest = values.min_by(|a, b| size(a.1).total_cmp(&size(b.1))).map_or(start, |(azimuth, _)| azimuth);
+    let sign = |azimuth: f64| defect(azimuth).map(f64::is_sign_positive);
+    let first = sign(start);
+    let near = (-23..=23).map(|step| smallest + f64::from(step) * DEGREE);
+    if first.is_some() && (1..PLACES).map(around).chain(near).all(|azimuth| sign(azimuth) == first) {
         return None;
     }
     const STEPS: i32 = 180;
-    let at = |step: i32| start + f64::from(step) * (PI / f64::from(STEPS));
+    let at = |step: i32| start + f64::from(step) * DEGREE;
     (0..STEPS).find_map(|step| {
         [(step, step + 1), (-step, -step - 1)].into_iter().find_map(|(near, far)| bisect(defect, at(near), at(far)))
     })

@@ -1,5 +1,7 @@
 //! One slice in the mirror's frame: e is x, the axis is y, and the viewing circle, which turns into itself, stays as it is. The face's
 //! plane is written in panel coordinates: across (x), up the slope, and above the plane.
+//!
+//! What a vertex runs through is inlined: with calls it took twice as long (60 ns for 29 ns, planar, double precision).
 
 mod lines;
 
@@ -146,6 +148,7 @@ impl<F: Real> SliceProjector<F> {
 
     /// Where world point `point` in metres appears; `None` where it has no pixel: no viewer, no mirror point in front of the viewer,
     /// behind the projector, or so far off the panel that nothing near it is on it.
+    #[inline]
     pub fn vertex(&self, point: [F; 3]) -> Option<Vertex<F>> {
         let place = self.place(point);
         let Some(planar) = self.planar(&place) else { return self.exact_vertex(point) };
@@ -183,6 +186,7 @@ impl<F: Real> SliceProjector<F> {
         })
     }
 
+    #[cold]
     fn exact_vertex(&self, point: [F; 3]) -> Option<Vertex<F>> {
         let point = DVec3::from_array(point.map(F::wide));
         if !self.exact.is_near(point) {
@@ -202,6 +206,7 @@ impl<F: Real> SliceProjector<F> {
         vertex.pixel.into_iter().chain([vertex.depth_m]).all(F::is_finite).then_some(vertex)
     }
 
+    #[cold]
     fn exact_sight(&self, pixel: [F; 2]) -> Option<SightLine<F>> {
         let mirror = self.exact.mirror_of(DVec2::from_array(pixel.map(F::wide)))?;
         let viewer = self.exact.sight_of(mirror)?.viewer;
@@ -216,12 +221,14 @@ impl<F: Real> SliceProjector<F> {
         })
     }
 
+    #[inline]
     fn place(&self, [x, y, z]: [F; 3]) -> Place<F> {
         let [sin, cos] = self.azimuth;
         self.place_in_frame([cos * x - sin * z, y, sin * x + cos * z])
     }
 
     /// A point given in the mirror's frame.
+    #[inline]
     fn place_in_frame(&self, [x, y, z]: [F; 3]) -> Place<F> {
         let [sin, cos] = self.tilt;
         Place {
@@ -246,6 +253,7 @@ impl<F: Real> SliceProjector<F> {
     }
 
     /// |V' − Q| less the circle's distance: the difference of the squares over the sum.
+    #[inline]
     fn depth(&self, place: &Place<F>, line: &Line<F>) -> F {
         let [_, height, distance] = self.circle;
         let squared = self.near * (place.level_squared + place.y * place.y);
@@ -253,6 +261,7 @@ impl<F: Real> SliceProjector<F> {
         (squared - along - along) / (line.square.sqrt() + distance)
     }
 
+    #[inline]
     fn pixel(&self, [across, slope]: [F; 2]) -> Option<[F; 2]> {
         let [u, v, w] = self.pixels.map(|[a, b, c]| a * across + b * slope + c);
         if w.is_nan() || w <= F::zero() {
@@ -277,12 +286,14 @@ impl<F: Real> SliceProjector<F> {
     }
 
     /// As [`SliceOptics::is_near`].
+    #[inline]
     fn is_near(&self, [across, slope]: [F; 2]) -> bool {
         let [low, high] = self.slope_span;
         let size = high - low;
         across.abs() <= self.half_width * F::of(3.0) && low - size <= slope && slope <= high + size
     }
 
+    #[inline]
     fn sides(&self, [across, slope]: [F; 2]) -> u8 {
         let ([low, high], half_width, guard) = (self.slope_span, self.half_width, self.guard);
         u8::from(across < -half_width - guard)
@@ -291,6 +302,7 @@ impl<F: Real> SliceProjector<F> {
             | u8::from(slope > high + guard) << 3
     }
 
+    #[inline]
     fn is_lit(&self, line: &Line<F>) -> bool {
         let [sin, cos] = self.tilt;
         self.exact.projector_is_above && sin * line.viewer[1] + cos * self.circle[1] > self.near * self.offset

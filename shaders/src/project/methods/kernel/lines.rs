@@ -27,6 +27,7 @@ struct Defect<F> {
 
 impl<F: Real> SliceProjector<F> {
     /// The planar fan's line; `None` where too many digits cancel: near the axis of P', near the viewing circle, at grazing lines.
+    #[inline]
     pub(super) fn planar(&self, place: &Place<F>) -> Option<Line<F>> {
         let away = [place.x - self.image[0], place.z - self.image[1]];
         let square = away[0] * away[0] + away[1] * away[1];
@@ -44,6 +45,7 @@ impl<F: Real> SliceProjector<F> {
 
     /// Whether a line is so steep to the mirror that the rounding of point and direction stays tolerable in M. Also false where a
     /// number is not finite.
+    #[inline]
     fn is_steep(&self, place: &Place<F>, line: &Line<F>) -> bool {
         let squared = self.reach_squared + place.level_squared + place.y * place.y;
         let least = self.grazing * line.square * squared;
@@ -51,6 +53,7 @@ impl<F: Real> SliceProjector<F> {
     }
 
     /// The line of a point toward a viewer who is `away` from it, seen from above.
+    #[inline]
     fn line(&self, place: &Place<F>, away: [F; 2]) -> Line<F> {
         let [x, z] = away;
         let y = self.circle[1] - self.near * place.y;
@@ -70,6 +73,7 @@ impl<F: Real> SliceProjector<F> {
     }
 
     /// The line to the place on the circle `x` across, on the same side of the axis as `line`.
+    #[inline]
     fn line_across(&self, place: &Place<F>, line: &Line<F>, x: F) -> Line<F> {
         let [radius, ..] = self.circle;
         let z = ((radius - x) * (radius + x)).sqrt().copysign(line.viewer[1]);
@@ -77,6 +81,7 @@ impl<F: Real> SliceProjector<F> {
     }
 
     /// From the planar fan's line to the method's; `None` where the method has no sure answer.
+    #[inline]
     pub(super) fn follow(&self, place: &Place<F>, planar: Line<F>) -> Option<Line<F>> {
         match self.method {
             Method::Planar => Some(planar),
@@ -87,6 +92,7 @@ impl<F: Real> SliceProjector<F> {
     }
 
     /// The line by the table's correction of the viewer's place across; `None` outside the table.
+    #[inline]
     fn tabulated(&self, place: &Place<F>, planar: &Line<F>) -> Option<Line<F>> {
         let correction = self.table.as_ref()?.correction([place.x, place.y, place.z])?;
         let line = self.line_across(place, planar, planar.viewer[0] + correction * planar.toward[0]);
@@ -131,6 +137,7 @@ impl<F: Real> SliceProjector<F> {
     /// `settled` radians. `None` where it does not converge at once, as near a double root: the root may not be the nearest then.
     ///
     /// The place across is a better unknown than the azimuth: the defect is nearly linear in it.
+    #[inline]
     fn newton(&self, place: &Place<F>, planar: Line<F>, settled: F) -> Option<Line<F>> {
         let mut line = planar;
         // Unknown: near a double root the defect is small where there is no root.
@@ -156,6 +163,7 @@ impl<F: Real> SliceProjector<F> {
     }
 
     /// `o·e − i·e`.
+    #[inline]
     fn defect(&self, line: &Line<F>) -> Defect<F> {
         let across = line.mirror[0] - self.projector[0];
         let up = line.mirror[1] - self.projector[1];
@@ -165,6 +173,7 @@ impl<F: Real> SliceProjector<F> {
     }
 
     /// The defect's derivative by the viewer's place across.
+    #[inline]
     fn slope(&self, line: &Line<F>, defect: &Defect<F>) -> F {
         let [sin, cos] = self.tilt;
         let [x, _, z] = line.toward;
