@@ -1,6 +1,7 @@
 //! One file a subcommand. This one reads the command line, and is the edge at which errors become one line and exit code 2.
 
 mod args;
+mod bake;
 mod compare;
 mod demo;
 mod project;
@@ -29,6 +30,7 @@ struct Cli {
 enum Command {
     Demo(demo::Args),
     Render(render::Args),
+    Bake(bake::Args),
     See(see::Args),
     Truth(truth::Args),
     Compare(compare::Args),
@@ -61,6 +63,7 @@ pub fn main() -> ExitCode {
     let result = match cli.command {
         Command::Demo(args) => demo::run(&args),
         Command::Render(args) => render::run(&args),
+        Command::Bake(args) => bake::run(&args),
         Command::See(args) => see::run(&args),
         Command::Truth(args) => truth::run(&args),
         Command::Compare(args) => compare::run(&args),

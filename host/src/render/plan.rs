@@ -109,18 +109,21 @@ pub enum Halftone {
     FloydSteinberg,
     /// Bits searched for the least error after an eye's blur.
     Search,
+    /// Bits searched over all slices of a turn together: praxi bake makes them.
+    #[value(skip)]
+    Joint,
     /// None: slices of 8-bit linear luminance, which no projector shows; they tell optics from halftone.
     Grey,
 }
 
 impl Halftone {
-    /// The method, `None` for grey.
+    /// The method of a slice by itself, `None` for grey.
     pub fn binary(self) -> Option<halftone::Halftone> {
         match self {
             Self::Bayer => Some(halftone::Halftone::Bayer),
             Self::BlueNoise => Some(halftone::Halftone::BlueNoise),
             Self::FloydSteinberg => Some(halftone::Halftone::FloydSteinberg),
-            Self::Search => Some(halftone::Halftone::Search),
+            Self::Search | Self::Joint => Some(halftone::Halftone::Search),
             Self::Grey => None,
         }
     }
