@@ -17,7 +17,7 @@ use shaders::project::{Model, SliceOptics, Viewer};
 
 /// The share of the error that an eye is taken to see without blur. Sharper eyes, nearer ones and cameras do; it makes the dots of
 /// neighbouring slices fill each other's gaps, which is worth 0.7 dB to the measure and 0.4 to the fine one.
-const SHARP: f32 = 0.15;
+const SHARP: f32 = 0.1;
 /// Moments of an exposure at which the mirror is taken.
 const MOMENTS: i32 = 4;
 /// Couplings weaker than this, against a slice's with itself, are left out.
@@ -136,7 +136,7 @@ impl<'a> Joint<'a> {
     }
 
     fn search(&self, turn: &Turn, slice: u32) -> (Kernel, Search) {
-        let kernel = Kernel::new(eye_blur(self.rig, slice));
+        let kernel = Kernel::sampled(eye_blur(self.rig, slice));
         let search = Search::new(&kernel, turn.width(), &self.luminance(slice), turn.slice(slice));
         (kernel, search)
     }
