@@ -15,7 +15,7 @@ const SWEEPS: u32 = 4;
 
 /// Improves the bits of `plane` for an eye with `blur`; see [`super::halftone`] for the rest.
 pub fn improve(blur: Blur, width: u32, luminance: &[f32], plane: &mut [u8]) {
-    let kernel = Kernel::new(blur);
+    let kernel = Kernel::sampled(blur);
     let mut search = Search::new(&kernel, width, luminance, plane);
     for _ in 0..SWEEPS {
         search.sweep(&kernel, Moves::Flips);
