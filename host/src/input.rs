@@ -24,6 +24,16 @@ pub fn read(path: &Path, bytes_max: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// Whether the file at `path` is a regular one that begins with `start`.
+pub fn begins_with(path: &Path, start: &[u8]) -> io::Result<bool> {
+    if !fs::metadata(path)?.is_file() {
+        return Ok(false);
+    }
+    let mut bytes = Vec::new();
+    File::open(path)?.take(start.len() as u64).read_to_end(&mut bytes)?;
+    Ok(bytes == start)
+}
+
 /// The text of the regular file at `path`, UTF-8, of which there may be [`TEXT_BYTES_MAX`].
 pub fn read_text(path: &Path) -> io::Result<String> {
     String::from_utf8(read(path, TEXT_BYTES_MAX)?)

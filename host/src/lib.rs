@@ -1,5 +1,6 @@
 //! Praxinoscope's host library: a scene becomes the slices of a turn, the turn reaches a device, and what an eye sees of it.
 
+pub mod bake;
 pub mod chart;
 pub mod commands;
 pub mod input;

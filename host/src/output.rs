@@ -209,12 +209,19 @@ impl File {
         if target.exists() && !is_png(&target).map_err(refused)? {
             return Err(OutputError::NotAPicture(place.into()));
         }
+        Self::begin_over(&target)
+    }
+
+    /// Begins a file that will stand at `place`, in a folder that exists, and take the place of whatever file is there: the caller
+    /// knows it as its own.
+    pub fn begin_over(place: &Path) -> Result<Self, OutputError> {
+        let refused = |error: io::Error| OutputError::Refused(place.into(), plain(&error));
         let mut builder = builder();
         #[cfg(unix)]
         builder.permissions(mode(0o666));
-        let staging = builder.tempfile_in(parent(&target)).map_err(refused)?;
+        let staging = builder.tempfile_in(parent(place)).map_err(refused)?;
         half_made(|paths| paths.push(staging.path().into()));
-        Ok(Self { place: target, staging })
+        Ok(Self { place: place.into(), staging })
     }
 
     /// Writes it and moves it to its place.

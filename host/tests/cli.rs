@@ -109,6 +109,47 @@ fn a_turn_is_rendered_seen_and_compared() {
     assert_eq!(image::open(desk.path("eye-left.png")).unwrap().color(), image::ColorType::La16);
 }
 
+/// Every file of a folder.
+fn contents(folder: &Path) -> Vec<(std::ffi::OsString, Vec<u8>)> {
+    let files = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap());
+    let mut files: Vec<_> = files.map(|entry| (entry.file_name(), fs::read(entry.path()).unwrap())).collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn a_bake_that_is_killed_goes_on_where_it_was() {
+    let desk = Desk::new();
+    let bake = "bake builtin --rig small.toml --sweeps 40 --out";
+    assert_eq!(desk.json(&format!("{bake} whole"))["halftone"], "joint");
+    desk.json("see whole --from 0,0.35,0.9 --pixels 32 --out eye.png");
+    let mut killed = Command::new(env!("CARGO_BIN_EXE_praxi"))
+        .args(format!("{bake} turn").split_whitespace())
+        .current_dir(&desk.folder)
+        .spawn()
+        .unwrap();
+    while !desk.path("turn.bake").exists() && killed.try_wait().unwrap().is_none() {
+        std::thread::yield_now();
+    }
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    assert!(!desk.path("turn").exists(), "it was not stopped halfway");
+    assert!(desk.warnings(&format!("{bake} turn")).contains("turn.bake: going on after"));
+    assert!(contents(&desk.path("turn")) == contents(&desk.path("whole")));
+    assert!(!desk.path("turn.bake").exists() && !desk.path("whole.bake").exists());
+}
+
+#[test]
+fn a_checkpoint_that_is_none_is_not_taken() {
+    let desk = Desk::new();
+    desk.write("turn.bake", "precious");
+    desk.refuses("bake builtin --rig small.toml --out turn", &["turn.bake", "no checkpoint"]);
+    desk.write("turn.bake", "praxi bake 1\nnonsense");
+    assert!(desk.warnings("bake builtin --rig small.toml --sweeps 1 --out turn").contains("turn.bake: damaged"));
+    desk.refuses("bake builtin --rig small.toml --sweeps 0 --out turn", &["--sweeps", "1..=1000"]);
+    desk.refuses("render builtin --rig small.toml --halftone joint --out turn", &["joint", "search"]);
+}
+
 #[test]
 fn grey_slices_are_pictures_of_luminance() {
     let desk = Desk::new();
@@ -367,7 +408,7 @@ fn pictures_that_cannot_be_compared_are_refused() {
 #[test]
 fn every_command_has_help_with_an_example() {
     let desk = Desk::new();
-    for command in ["demo", "sim", "render", "see", "truth", "compare", "project", "rig", "rig check"] {
+    for command in ["demo", "sim", "render", "bake", "see", "truth", "compare", "project", "rig", "rig check"] {
         let output = desk.run(&format!("{command} --help"));
         let text = String::from_utf8(output.stdout).unwrap();
         assert!(output.status.success() && text.contains("Example: praxi "), "{command}: {text}");

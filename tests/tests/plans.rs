@@ -3,13 +3,17 @@
 use glam::{Quat, Vec3};
 use host::render::plan::choose::{Budget, Fixed, PlanError, choose, predict};
 use host::render::plan::error::geometric_error;
-use host::render::plan::{Edges, Halftone, Plan, Precision, Projection};
+use host::render::plan::{Edges, Plan, Precision, Projection};
 use host::render::tessellate::tessellate;
 use host::scene::{Scene, ShadedScene, Shading, shade};
 use protocol::rig::Rig;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use tests::{builtin, bunny, rig};
+
+fn boxes() -> ShadedScene {
+    shade(&Scene::load("boxes").expect("built in"), Shading::Lambert, false)
+}
 
 /// Predicted over measured.
 fn ratio(scene: &ShadedScene, rig: &Rig, plan: &Plan, pairs: usize) -> Option<f64> {
@@ -55,7 +59,7 @@ fn judge(name: &str, mut ratios: Vec<f64>) {
 #[test]
 fn predictions_hold_on_two_hundred_random_rigs() {
     let mut random = ChaCha8Rng::seed_from_u64(20);
-    let (builtin, boxes) = (builtin(), shade(&Scene::builtin(), Shading::Lambert, false));
+    let (builtin, boxes) = (builtin(), boxes());
     let plans = plans();
     let mut ratios = Vec::new();
     let mut rigs = 0;
@@ -119,7 +123,7 @@ fn turned(scene: &ShadedScene, random: &mut impl Rng) -> ShadedScene {
 
 #[test]
 fn predictions_hold_on_known_scenes() {
-    let scenes = [Some(builtin()), Some(shade(&Scene::builtin(), Shading::Lambert, false)), bunny()];
+    let scenes = [Some(builtin()), Some(boxes()), bunny()];
     let mut ratios = Vec::new();
     for scene in scenes.iter().flatten() {
         for name in ["reference", "high-viewer", "tent"] {
@@ -132,7 +136,7 @@ fn predictions_hold_on_known_scenes() {
 }
 
 fn chosen(scene: &ShadedScene, rig: &Rig, px: f64) -> Result<Plan, PlanError> {
-    choose(scene, rig, Halftone::Grey, Fixed::default(), Budget::Error(px)).map(|choice| choice.chosen.plan)
+    choose(scene, rig, Fixed::default(), Budget::Error(px)).map(|choice| choice.chosen.plan)
 }
 
 /// Model no more than a scene needs.
@@ -160,7 +164,7 @@ fn budgets_that_nothing_meets_say_what_is_possible() {
     let (scene, reference) = (builtin(), rig("reference"));
     let error = chosen(&scene, &reference, 1e-13).unwrap_err();
     assert!(matches!(error, PlanError::TooAccurate { reached, .. } if reached > 0.0 && reached < 1e-3), "{error}");
-    let error = choose(&scene, &reference, Halftone::Grey, Fixed::default(), Budget::Cost(1e-6)).unwrap_err();
+    let error = choose(&scene, &reference, Fixed::default(), Budget::Cost(1e-6)).unwrap_err();
     assert!(matches!(error, PlanError::TooFast { possible, .. } if possible > 1.0), "{error}");
     let mut far = scene;
     for triangle in &mut far.triangles {
@@ -172,7 +176,7 @@ fn budgets_that_nothing_meets_say_what_is_possible() {
 #[test]
 fn a_larger_time_budget_never_buys_a_larger_error() {
     let (scene, reference) = (builtin(), rig("reference"));
-    let within = |ms| choose(&scene, &reference, Halftone::Grey, Fixed::default(), Budget::Cost(ms)).ok();
+    let within = |ms| choose(&scene, &reference, Fixed::default(), Budget::Cost(ms)).ok();
     let errors: Vec<f64> =
         [1e2, 5e3, 1e6].into_iter().filter_map(within).map(|choice| choice.chosen.error_px).collect();
     assert!(errors.len() > 1 && errors.is_sorted_by(|a, b| a >= b), "{errors:?}");

@@ -5,7 +5,7 @@ use crate::picture::Picture;
 use crate::render::cpu::CpuRenderer;
 use crate::render::plan::choose::{Budget, Choice, Fixed, PlanError, choose};
 use crate::render::plan::speed::ms_per_cost;
-use crate::render::plan::{DepthTest, Edges, Halftone, Precision, Projection};
+use crate::render::plan::{DepthTest, Edges, Precision, Projection};
 use crate::render::truth::Pinhole;
 use crate::scene::{Scene, ShadedScene, Shading, shade};
 use crate::seen::View;
@@ -111,13 +111,10 @@ pub(super) struct PlanArgs {
     /// Fix how depth is compared
     #[arg(long, value_enum)]
     pub depth: Option<DepthTest>,
-    /// How luminance becomes bits
-    #[arg(long, value_enum, default_value = "blue-noise")]
-    pub halftone: Halftone,
 }
 
 /// How far things may lie from where they belong, in projector pixels, where nothing else is asked for.
-const DEFAULT_BUDGET_PX: f64 = 0.5;
+pub(super) const DEFAULT_BUDGET_PX: f64 = 0.5;
 
 /// What was chosen, and how a plan's cost becomes milliseconds here, where that was measured.
 pub(super) struct Planned {
@@ -155,7 +152,7 @@ impl PlanArgs {
     /// Chooses within another budget.
     pub(super) fn with_budget(&self, scene: &ShadedScene, rig: &Rig, budget: Budget) -> Result<Choice, PlanError> {
         let Self { projection, precision, edges, depth, .. } = *self;
-        choose(scene, rig, self.halftone, Fixed { projection, precision, edges, depth }, budget)
+        choose(scene, rig, Fixed { projection, precision, edges, depth }, budget)
     }
 }
 

@@ -3,12 +3,13 @@
 mod pictures;
 mod show;
 
-use super::args::progress;
+use super::args::{DEFAULT_BUDGET_PX, progress};
 use super::{Failure, say, say_json, sim, warn};
 use crate::output::Folder;
 use crate::render::Renderer;
 use crate::render::cpu::CpuRenderer;
 use crate::render::plan::Plan;
+use crate::render::plan::choose::{Budget, Fixed, choose};
 use crate::render::turn::Turn;
 use crate::rigs;
 use crate::scene::{BUILTIN, Scene, ShadedScene, Shading, shade};
@@ -51,11 +52,13 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let rig = rigs::find(&args.rig)?;
     let scene = load(args, &rig)?;
     let folder = Folder::begin(&args.out)?;
-    let (turns, lit) = render(&scene, &rig)?;
+    let lit = shade(&scene, Shading::Lambert, false);
+    let plan = choose(&lit, &rig, Fixed::default(), Budget::Error(DEFAULT_BUDGET_PX))?.chosen.plan;
+    let turns = render(&scene, &rig, &plan)?;
     let show = show::run(&rig, &turns, args.seed)?;
     let places = Places::new(&rig);
     let seen = pictures::write(&folder, &rig, &lit, &show, &turns[turns.len() - 1], &places)?;
-    let report = report(args, &rig, &scene, &show, &seen);
+    let report = report(args, &rig, &scene, &plan, &show, &seen);
     folder.write("report.json", format!("{report:#}\n").as_bytes())?;
     folder.finish()?;
     if args.json {
@@ -93,16 +96,16 @@ fn load(args: &Args, rig: &Rig) -> Result<Scene, Failure> {
     Ok(scene)
 }
 
-/// The turns that are streamed, and the lit scene as the last of them shows it.
-fn render(scene: &Scene, rig: &Rig) -> Result<(Vec<Turn>, ShadedScene), Failure> {
+/// The turns that are streamed.
+fn render(scene: &Scene, rig: &Rig, plan: &Plan) -> Result<Vec<Turn>, Failure> {
     let bar = progress("rendering slices", u64::from(rig.rotation.slices) * SWING_DEG.len() as u64);
     let mut turns = Vec::new();
     for degrees in SWING_DEG {
         let lit = shade(&turned(scene, degrees), Shading::Lambert, false);
-        turns.push(CpuRenderer.render_turn(&lit, rig, &Plan::default(), &|| bar.inc(1))?);
+        turns.push(CpuRenderer.render_turn(&lit, rig, plan, &|| bar.inc(1))?);
     }
     bar.finish_and_clear();
-    Ok((turns, shade(scene, Shading::Lambert, false)))
+    Ok(turns)
 }
 
 /// The scene, turned about the vertical axis.
@@ -113,11 +116,11 @@ fn turned(scene: &Scene, degrees: f32) -> Scene {
     turned
 }
 
-fn report(args: &Args, rig: &Rig, scene: &Scene, show: &Show, seen: &[pictures::Seen]) -> Value {
+fn report(args: &Args, rig: &Rig, scene: &Scene, plan: &Plan, show: &Show, seen: &[pictures::Seen]) -> Value {
     json!({
         "program": "praxi", "version": env!("CARGO_PKG_VERSION"), "seed": args.seed,
         "scene": { "source": args.scene, "triangles": scene.triangles.len(), "radius_m": scene.radius() },
-        "rig": rig.name, "plan": Plan::default(),
+        "rig": rig.name, "plan": plan,
         "eyes": seen, "lock": sim::as_json(&show.statistics),
         "stream": {
             "turns": show.stream.turns, "bytes_raw": show.stream.bytes_raw, "bytes_on_wire": show.stream.bytes_on_wire,

@@ -1,6 +1,7 @@
 //! One file a subcommand. This one reads the command line, and is the edge at which errors become one line and exit code 2.
 
 mod args;
+mod bake;
 mod chart;
 mod compare;
 mod demo;
@@ -31,6 +32,7 @@ struct Cli {
 enum Command {
     Demo(demo::Args),
     Render(render::Args),
+    Bake(bake::Args),
     See(see::Args),
     Plan(plan::Args),
     Chart(chart::Args),
@@ -65,6 +67,7 @@ pub fn main() -> ExitCode {
     let result = match cli.command {
         Command::Demo(args) => demo::run(&args),
         Command::Render(args) => render::run(&args),
+        Command::Bake(args) => bake::run(&args),
         Command::See(args) => see::run(&args),
         Command::Chart(args) => chart::run(&args),
         Command::Plan(args) => plan::run(&args),

@@ -5,7 +5,7 @@ use super::{Failure, say, say_json};
 use crate::output::Folder;
 use crate::render::Renderer;
 use crate::render::cpu::CpuRenderer;
-use crate::render::plan::Halftone;
+use crate::render::plan::{Halftone, Plan};
 use crate::rendered::{Method, Rotation, SceneNote, write};
 use crate::rigs;
 use serde_json::json;
@@ -25,6 +25,9 @@ pub(super) struct Args {
     out: PathBuf,
     #[command(flatten)]
     plan: PlanArgs,
+    /// How luminance becomes bits
+    #[arg(long, value_enum, default_value = "optimised-diffusion")]
+    halftone: Halftone,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -36,7 +39,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let folder = Folder::begin(&args.out)?;
     args.scene.warn_of_size(&scene, &rig);
     let chosen = args.plan.choose(&shaded, &rig)?.choice.chosen;
-    let plan = chosen.plan;
+    let plan = Plan { halftone: args.halftone, ..chosen.plan };
     let bar = progress("rendering slices", rig.rotation.slices.into());
     let turn = CpuRenderer.render_turn(&shaded, &rig, &plan, &|| bar.inc(1))?;
     bar.finish_and_clear();

@@ -31,9 +31,14 @@ impl Renderer for CpuRenderer {
         slices: &[u32],
         done: &(dyn Fn() + Sync),
     ) -> Result<Turn, RenderError> {
-        if plan.halftone == Halftone::SightLine {
+        let read = match plan.halftone {
+            Halftone::SightLine => Some(slices_read(rig, slices)),
+            Halftone::Joint => Some(slices.to_vec()),
+            _ => None,
+        };
+        if let Some(read) = read {
             let grey = Plan { halftone: Halftone::Grey, ..*plan };
-            let grey = self.render_slices(scene, rig, &grey, &slices_read(rig, slices), done)?;
+            let grey = self.render_slices(scene, rig, &grey, &read, done)?;
             return Ok(halftone_slices(&grey, rig, plan.halftone, 0, slices, &|| ()));
         }
         match plan.precision {

@@ -3,6 +3,7 @@
 
 use super::blur::eye_blur;
 use super::cpu::owner;
+use super::joint::{Joint, SWEEPS};
 use super::plan::Halftone;
 use super::turn::{Depth, Turn};
 use glam::DVec2;
@@ -35,8 +36,13 @@ pub fn halftone_slices(
     slices: &[u32],
     done: &(dyn Fn() + Sync),
 ) -> Turn {
-    if method == Halftone::Grey {
-        return grey.clone();
+    match method {
+        Halftone::Grey => return grey.clone(),
+        // Slices that are not wanted are dark in what was rendered, and found at once.
+        Halftone::Joint => {
+            return Joint::new(rig, grey).search_all(SWEEPS, done).expect("no larger than the grey turn");
+        }
+        _ => {}
     }
     let mut binary =
         Turn::dark(grey.slices(), grey.width(), grey.height(), Depth::Binary).expect("no larger than the grey turn");

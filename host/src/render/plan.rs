@@ -37,14 +37,14 @@ impl Default for Plan {
             edges: Edges::Adaptive,
             bow_px: 0.5,
             depth: DepthTest::Linear,
-            halftone: Halftone::BlueNoise,
+            halftone: Halftone::OptimisedDiffusion,
         }
     }
 }
 
-/// The name of a method as the command line has it.
-fn name(method: impl ValueEnum) -> String {
-    method.to_possible_value().map_or_else(String::new, |value| value.get_name().to_string())
+/// The name of a method as files and the command line have it.
+fn name(method: impl Serialize) -> String {
+    serde_json::to_value(method).ok().and_then(|value| value.as_str().map(str::to_string)).unwrap_or_default()
 }
 
 impl Display for Plan {
@@ -162,12 +162,15 @@ pub enum Halftone {
     AlternatingDiffusion,
     /// The same; each slice makes good on its sight lines what the slice before it did wrong.
     SightLine,
+    /// Bits searched over all slices of a turn together: praxi bake makes them.
+    #[value(skip)]
+    Joint,
     /// None: slices of 8-bit linear luminance, which no projector shows; they tell optics from halftone.
     Grey,
 }
 
 impl Halftone {
-    /// The method, if it needs a slice's own luminance only; `None` for [`Halftone::SightLine`] and grey.
+    /// The method, if it needs a slice's own luminance only; `None` for those that know other slices, and for grey.
     pub fn binary(self) -> Option<halftone::Halftone> {
         match self {
             Self::WhiteNoise => Some(halftone::Halftone::WhiteNoise),
@@ -181,7 +184,7 @@ impl Halftone {
             Self::Search => Some(halftone::Halftone::Search),
             Self::OptimisedDiffusion => Some(halftone::Halftone::OptimisedDiffusion),
             Self::AlternatingDiffusion => Some(halftone::Halftone::AlternatingDiffusion),
-            Self::SightLine | Self::Grey => None,
+            Self::SightLine | Self::Joint | Self::Grey => None,
         }
     }
 
@@ -194,7 +197,7 @@ impl Halftone {
     }
 
     /// All there are.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::WhiteNoise,
         Self::Bayer,
         Self::BlueNoiseFixed,
@@ -207,6 +210,7 @@ impl Halftone {
         Self::AlternatingDiffusion,
         Self::Search,
         Self::SightLine,
+        Self::Joint,
         Self::Grey,
     ];
 

@@ -2,7 +2,7 @@
 
 use super::cost::{Work, turn_ns, vertex_ns};
 use super::error::geometric_error;
-use super::{DepthTest, Edges, Halftone, Plan, Precision, Projection};
+use super::{DepthTest, Edges, Plan, Precision, Projection};
 use crate::render::RenderError;
 use crate::render::mesh::Mesh;
 use crate::render::tessellate::tessellate;
@@ -128,15 +128,10 @@ pub struct Choice {
     pub candidates: Vec<Candidate>,
 }
 
-/// Chooses for `scene` on `rig` among the plans that have what is `fixed`. The choice does not depend on the machine or on chance.
-pub fn choose(
-    scene: &ShadedScene,
-    rig: &Rig,
-    halftone: Halftone,
-    fixed: Fixed,
-    budget: Budget,
-) -> Result<Choice, PlanError> {
-    let chooser = Chooser::new(scene, rig, halftone, fixed)?;
+/// Chooses for `scene` on `rig` among the plans that have what is `fixed`, with the default halftone, which has no part in it. The
+/// choice does not depend on the machine or on chance.
+pub fn choose(scene: &ShadedScene, rig: &Rig, fixed: Fixed, budget: Budget) -> Result<Choice, PlanError> {
+    let chooser = Chooser::new(scene, rig, fixed)?;
     match budget {
         Budget::Error(px) => chooser.cheapest_within(px),
         Budget::Cost(ms) => chooser.most_accurate_within(ms),
@@ -147,7 +142,6 @@ pub fn choose(
 struct Chooser<'a> {
     scene: &'a ShadedScene,
     rig: &'a Rig,
-    halftone: Halftone,
     fixed: Fixed,
     straight: Mesh,
     /// Each with the error of its projection alone, by rays.
@@ -155,7 +149,7 @@ struct Chooser<'a> {
 }
 
 impl<'a> Chooser<'a> {
-    fn new(scene: &'a ShadedScene, rig: &'a Rig, halftone: Halftone, fixed: Fixed) -> Result<Self, PlanError> {
+    fn new(scene: &'a ShadedScene, rig: &'a Rig, fixed: Fixed) -> Result<Self, PlanError> {
         let straight = tessellate(scene, rig, &Plan { edges: Edges::Straight, ..Plan::default() })?;
         let ways = Projection::ALL.into_iter().flat_map(|projection| {
             [Precision::Single, Precision::Double].map(|precision| Plan {
@@ -163,7 +157,6 @@ impl<'a> Chooser<'a> {
                 precision,
                 edges: Edges::Rays,
                 depth: DepthTest::Exact,
-                halftone,
                 ..Plan::default()
             })
         });
@@ -182,7 +175,7 @@ impl<'a> Chooser<'a> {
             best = best.min(way.error_px);
             better
         });
-        Ok(Self { scene, rig, halftone, fixed, straight, ways })
+        Ok(Self { scene, rig, fixed, straight, ways })
     }
 
     /// Every way, by straight and by cut edges, by the test by pixel and by rays; edges are cut so that all errors together keep
@@ -210,7 +203,7 @@ impl<'a> Chooser<'a> {
     }
 
     fn by_edges(&self, way: &Candidate, edges: Edges, px: f64) -> Result<Option<Candidate>, PlanError> {
-        let with = |bow_px| Plan { edges, bow_px, depth: DepthTest::Linear, halftone: self.halftone, ..way.plan };
+        let with = |bow_px| Plan { edges, bow_px, depth: DepthTest::Linear, ..way.plan };
         let cut = |bow_px| -> Result<Option<Candidate>, PlanError> {
             let plan = with(bow_px);
             Ok(predict(&tessellate(self.scene, self.rig, &plan)?, self.rig, &plan))

@@ -127,22 +127,23 @@ struct Prices {
 impl Prices {
     fn of(plan: &Plan) -> Self {
         let vertex = match (plan.projection, plan.precision) {
-            (Projection::Planar, Precision::Single) => 15.0,
-            (Projection::Planar, Precision::Double) => 20.0,
-            (Projection::ConeNewton, Precision::Single) => 30.0,
-            (Projection::ConeNewton, Precision::Double) => 40.0,
-            (Projection::ConeTable, Precision::Single) => 30.0,
-            (Projection::ConeTable, Precision::Double) => 40.0,
-            (Projection::ConeRoot, _) => 300.0,
+            (Projection::Planar, Precision::Single) => 30.0,
+            (Projection::Planar, Precision::Double) => 31.0,
+            (Projection::ConeTable, Precision::Single) => 48.0,
+            (Projection::ConeTable, Precision::Double) => 49.0,
+            (Projection::ConeNewton, Precision::Single) => 72.0,
+            (Projection::ConeNewton, Precision::Double) => 76.0,
+            (Projection::ConeRoot, Precision::Single) => 88.0,
+            (Projection::ConeRoot, Precision::Double) => 113.0,
         };
-        let base = Self { vertex, triangle: 10.0, tested: 2.0, filled: 5.0, panel: 0.0, image: 0.5 };
-        match plan.edges {
-            Edges::Straight | Edges::Uniform | Edges::Adaptive => match plan.depth {
-                DepthTest::Linear => base,
-                DepthTest::Exact => Self { filled: 15.0, ..base },
-            },
-            Edges::Discard => Self { tested: 40.0, ..base },
-            Edges::Rays => Self { vertex: 0.0, triangle: 0.0, tested: 0.0, filled: 0.0, panel: 500.0, image: 0.5 },
+        let base = Self { vertex, triangle: 175.0, tested: 1.4, filled: 5.6, panel: 0.0, image: 3.1 };
+        match (plan.edges, plan.depth) {
+            (Edges::Straight | Edges::Uniform | Edges::Adaptive, DepthTest::Linear) => base,
+            (Edges::Straight | Edges::Uniform | Edges::Adaptive, DepthTest::Exact) => Self { filled: 46.0, ..base },
+            (Edges::Discard, _) => Self { triangle: 310.0, tested: 8.9, filled: 52.0, image: 32.0, ..base },
+            (Edges::Rays, _) => {
+                Self { vertex: 0.0, triangle: 0.0, tested: 0.0, filled: 0.0, panel: 100.0, image: 130.0 }
+            }
         }
     }
 }
