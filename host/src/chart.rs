@@ -118,7 +118,7 @@ pub struct Chart {
     pub threads: usize,
     /// Geometry: one entry a method, scene and rig.
     pub optics: Vec<optics::Point>,
-    /// Halftones: one entry a method, scene and rig.
+    /// Halftones: one entry a method, scene and rig; a quick run takes the first rig alone.
     pub halftones: Vec<halftones::Point>,
     /// Where methods fail, by rig.
     pub limits: Vec<(String, Vec<limits::Limit>)>,
@@ -156,6 +156,10 @@ pub fn run(jobs: &[Job<'_>], effort: Effort, done: &mut dyn FnMut(&str, f64)) ->
         let label = format!("{} on {}", job.name, job.rig.name);
         let at = |part: f64| (2.0 * index as f64 + part) / steps;
         chart.optics.extend(optics::measure(job, effort, &mut |part| done(&label, at(part)))?);
+        let is_first_of_scene = !jobs[..index].iter().any(|other| other.name == job.name);
+        if effort == Effort::Quick && !is_first_of_scene {
+            continue;
+        }
         chart.halftones.extend(halftones::measure(job, effort, &mut |part| done(&label, at(1.0 + part)))?);
     }
     Ok(chart)

@@ -98,7 +98,7 @@ pub fn measure(job: &Job<'_>, effort: Effort, done: &mut dyn FnMut(f64)) -> Resu
     let steps = 3.0 * plans.len() as f64;
     let times = times(job, &plans, effort, &mut |part| done(part * 2.0 / 3.0))?;
     let (pixels, rays, exposures, pairs) = match effort {
-        Effort::Quick => (128, 3, 3, 8_000),
+        Effort::Quick => (96, 2, 2, 3_000),
         Effort::Full => (256, 4, 4, 60_000),
     };
     let view = view(job.rig, 0.64, pixels, rays);
@@ -147,7 +147,7 @@ fn times(
     done: &mut dyn FnMut(f64),
 ) -> Result<Vec<(f64, f64)>, RenderError> {
     let (rounds, slices_max, allowed_s) = match effort {
-        Effort::Quick => (3, 8, 0.1),
+        Effort::Quick => (2, 8, 0.08),
         Effort::Full => (5, 24, 0.5),
     };
     let all = job.rig.rotation.slices;

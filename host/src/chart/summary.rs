@@ -62,7 +62,7 @@ fn use_when(text: &mut String, chart: &Chart) {
             );
         }
     };
-    say("Binary slices that are cheap", best(&|halftone| halftone.is_mask()));
+    say("Binary slices that are cheap", best(&|halftone| halftone.is_mask() && halftone.turns() == 1));
     say(
         "Binary slices one by one, at any price",
         best(&|halftone| halftone.binary().is_some() && halftone.turns() == 1),
@@ -129,7 +129,9 @@ fn why_kept(plan: &Plan) -> &'static str {
             "the patent's way; enough near the mirror's height and for small scenes"
         }
         Plan { edges: Edges::Straight, .. } => "enough for scenes of short edges",
-        _ => "another point on the way between speed and accuracy",
+        Plan { edges: Edges::Adaptive, .. } => {
+            "the fewest triangles for its bound, which counts where triangles are dear"
+        }
     }
 }
 
@@ -184,10 +186,8 @@ fn why_halftone(halftone: Halftone) -> &'static str {
 
 fn predictions(text: &mut String, chart: &Chart) {
     let ratios = chart.optics.iter().filter(|point| point.error_px.is_finite());
-    let mut ratios: Vec<f64> = ratios
-        .filter_map(|point| Some(point.predicted_px? / point.error_px.max(1e-3)))
-        .filter(|ratio| *ratio > 0.0)
-        .collect();
+    let mut ratios: Vec<f64> =
+        ratios.filter_map(|point| Some(point.predicted_px?.max(1e-3) / point.error_px.max(1e-3))).collect();
     if ratios.is_empty() {
         return;
     }

@@ -12,7 +12,7 @@ use crate::render::plan::Plan;
 use crate::render::plan::choose::{Budget, Fixed, choose};
 use crate::render::turn::Turn;
 use crate::rigs;
-use crate::scene::{BUILTIN, Scene, ShadedScene, Shading, shade};
+use crate::scene::{BUILTIN, Scene, Shading, shade};
 use crate::volume::display_radius_m;
 use glam::{Quat, Vec3};
 use pictures::Places;
