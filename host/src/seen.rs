@@ -49,18 +49,21 @@ pub fn picture(seen: Seen) -> Picture {
     Picture { width: seen.pixels, height: seen.pixels, colours: seen.colours, known: seen.reached }
 }
 
-/// The slices of a turn that reach some ray of `view`.
+/// The slices of a turn that reach some ray of `view` at some moment of their exposure.
 pub fn reaching(rig: &Rig, view: &View) -> Vec<u32> {
     let half = PI / f64::from(rig.rotation.slices);
-    let reaches = |slice: &u32| {
-        let angle = rig.slice_angle(*slice);
-        let flash = Flash { start: angle - half, end: angle + half, picture: eye::Picture::Dark };
-        eye::expose(rig, &[flash], 1.0, 4, view, Brightness::Divided, &|| ()).reached.contains(&true)
-    };
-    (0..rig.rotation.slices).filter(reaches).collect()
+    (0..rig.rotation.slices).filter(|slice| reaches(rig, view, *slice, half)).collect()
 }
 
-/// How many slices of a turn reach some ray of `view`.
+/// How many slices of a turn reach some ray of `view` in the middle of their exposure.
 pub fn reaching_slices(rig: &Rig, view: &View) -> usize {
-    reaching(rig, view).len()
+    (0..rig.rotation.slices).filter(|slice| reaches(rig, view, *slice, 0.0)).count()
+}
+
+/// Whether light of `slice` reaches some ray of `view` while the mirror is within `half` radians of the slice's angle.
+fn reaches(rig: &Rig, view: &View, slice: u32, half: f64) -> bool {
+    let angle = rig.slice_angle(slice);
+    let flash = Flash { start: angle - half, end: angle + half, picture: eye::Picture::Dark };
+    let moments = if half > 0.0 { 4 } else { 1 };
+    eye::expose(rig, &[flash], 1.0, moments, view, Brightness::Divided, &|| ()).reached.contains(&true)
 }

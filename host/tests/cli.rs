@@ -93,8 +93,9 @@ fn a_turn_is_rendered_seen_and_compared() {
     let names: Vec<_> = fs::read_dir(desk.path("turn")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert_eq!(names.len(), 3, "{names:?}");
     let note: Value = serde_json::from_slice(&fs::read(desk.path("turn/rotation.json")).unwrap()).unwrap();
-    assert_eq!(note["method"]["model"], "cone");
-    assert_eq!(note["method"]["halftone"], "blue-noise");
+    assert_eq!(note["method"]["precision"], "single");
+    assert_eq!(note["method"]["halftone"], "optimised-diffusion");
+    assert!(rendered["error_px"].as_f64().unwrap() <= 0.5, "{rendered}");
     assert_eq!(note["method"]["shading"], "lambert");
     assert_eq!(note["rig"]["projector"]["width_px"], 96);
 
@@ -121,7 +122,7 @@ fn contents(folder: &Path) -> Vec<(std::ffi::OsString, Vec<u8>)> {
 fn a_bake_that_is_killed_goes_on_where_it_was() {
     let desk = Desk::new();
     let bake = "bake builtin --rig small.toml --sweeps 40 --out";
-    assert_eq!(desk.json(&format!("{bake} whole"))["halftone"], "joint");
+    assert_eq!(desk.json(&format!("{bake} whole"))["plan"]["halftone"], "joint");
     desk.json("see whole --from 0,0.35,0.9 --pixels 32 --out eye.png");
     let mut killed = Command::new(env!("CARGO_BIN_EXE_praxi"))
         .args(format!("{bake} turn").split_whitespace())
@@ -151,9 +152,50 @@ fn a_checkpoint_that_is_none_is_not_taken() {
 }
 
 #[test]
+fn a_plan_is_explained_and_impossible_ones_are_refused() {
+    let desk = Desk::new();
+    let plan = desk.json("plan builtin --rig small.toml --budget-px 0.5");
+    assert!(plan["chosen"]["error_px"].as_f64().unwrap() <= 0.5, "{plan}");
+    assert!(plan["weighed"].as_array().unwrap().len() > 5 && plan["ms_per_cost"].as_f64().unwrap() > 0.0, "{plan}");
+    let fixed =
+        desk.json("plan builtin --rig small.toml --projection planar --precision double --edges uniform --budget-px 9");
+    assert_eq!(
+        (&fixed["chosen"]["plan"]["edges"], &fixed["chosen"]["plan"]["precision"]),
+        (&"uniform".into(), &"double".into())
+    );
+    let plan = "plan builtin --rig small.toml";
+    desk.refuses(&format!("{plan} --budget-px 1e-12"), &["--budget-px", "most accurate", "px"]);
+    desk.refuses(&format!("{plan} --budget-ms 0.001"), &["--budget-ms 0.001", "fastest", "ms"]);
+    desk.refuses(&format!("{plan} --budget-px 0"), &["--budget-px", "above 0"]);
+    desk.refuses(&format!("{plan} --budget-ms -3"), &["--budget-ms", "above 0"]);
+    desk.refuses(&format!("{plan} --budget-px NaN"), &["--budget-px", "above 0"]);
+    desk.refuses(&format!("{plan} --budget-px 1 --budget-ms 1"), &["--budget-px", "--budget-ms"]);
+    desk.refuses(&format!("{plan} --projection cylinder"), &["--projection", "planar", "cone-newton"]);
+    desk.write("far.obj", "v 100 0 0\nv 100 1 0\nv 100 0 1\nf 1 2 3\n");
+    desk.refuses("plan far.obj --rig small.toml", &["nothing", "visible", "--fit-m"]);
+    desk.refuses("render far.obj --rig small.toml --out turn", &["nothing", "visible"]);
+}
+
+#[test]
+fn a_chart_is_written_whole() {
+    let desk = Desk::new();
+    let chart = desk.json("chart boxes --rig small.toml --quick --out chart");
+    assert!(chart["optics"].as_array().unwrap().len() > 10 && chart["halftones"].as_array().unwrap().len() > 10);
+    let csv = fs::read_to_string(desk.path("chart/chart.csv")).unwrap();
+    let columns = csv.lines().next().unwrap().split(',').count();
+    assert!(csv.lines().count() > 20 && csv.lines().all(|line| line.split(',').count() == columns));
+    let summary = fs::read_to_string(desk.path("chart/summary.md")).unwrap();
+    assert!(["## What to use when", "## Where methods fail", "on the front"].iter().all(|part| summary.contains(part)));
+    assert!(fs::read_to_string(desk.path("chart/chart.svg")).unwrap().contains("<svg"));
+    assert!(image::open(desk.path("chart/chart.png")).unwrap().width() > 1000);
+    desk.refuses("chart nosuch.obj --rig small.toml --quick --out chart", &["nosuch.obj"]);
+    desk.refuses("chart boxes --rig nosuch --quick --out chart", &["nosuch"]);
+}
+
+#[test]
 fn grey_slices_are_pictures_of_luminance() {
     let desk = Desk::new();
-    desk.json("render builtin --rig small.toml --halftone grey --model planar --fit-m 0.1 --out turn");
+    desk.json("render builtin --rig small.toml --halftone grey --projection planar --fit-m 0.1 --out turn");
     let slice = image::open(desk.path("turn/slice_000.png")).unwrap();
     assert_eq!((slice.width(), slice.color()), (96, image::ColorType::L8));
     assert_eq!(fs::read_dir(desk.path("turn")).unwrap().count(), 49);
