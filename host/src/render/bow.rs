@@ -37,12 +37,16 @@ impl Samples {
     }
 
     /// How far, in pixels, `inner` lies at most from the mean of `corners` with `weights`, in the slices in which some of them may be
-    /// visible: in a sample or in one beside it, since a slice between two samples is like either.
+    /// visible: in a sample or in one beside it, since a slice between two samples is like either. Without bound where one of them
+    /// has no pixel there: the piece cannot be drawn, and shorter ones may.
     pub fn bow_px<const N: usize>(&self, inner: &Track, corners: [&Track; N], weights: [f64; N]) -> f64 {
         let seen = |sample: usize| {
             let vertices = || corners.iter().copied().chain([inner]).map(|track| &track[sample]);
+            if vertices().any(Option::is_none) {
+                return vertices().flatten().any(|vertex| vertex.lit && vertex.sides == 0);
+            }
             let common = vertices().flatten().fold(u8::MAX, |common, vertex| common & vertex.sides);
-            vertices().all(Option::is_some) && common == 0 && vertices().flatten().any(|vertex| vertex.lit)
+            common == 0 && vertices().flatten().any(|vertex| vertex.lit)
         };
         let bow = |sample: usize| {
             let pixel = |track: &Track| track[sample].map(|vertex| DVec2::from_array(vertex.pixel));
@@ -57,7 +61,7 @@ impl Samples {
             let first = sample - sample % around;
             [0, 1, around - 1].into_iter().any(|step| seen(first + (sample + step) % around))
         });
-        bows.filter_map(bow).fold(0.0, f64::max)
+        bows.map(|sample| bow(sample).unwrap_or(f64::INFINITY)).fold(0.0, f64::max)
     }
 }
 

@@ -91,6 +91,9 @@ pub struct Fixed {
 
 /// Pairs of piece and slice in a prediction's sample; some milliseconds.
 const PAIRS: usize = 3000;
+/// And at most, where fewer than [`POINTS`] of it are visible: what is seldom seen is seldom lost too, but not less wrong.
+const PAIRS_MAX: usize = 16 * PAIRS;
+const POINTS: usize = 1000;
 /// A sample's largest error is below the largest of all by less than this factor: see the test on random rigs.
 const RESERVE: f64 = 1.25;
 /// What rounding vertices to 1/256 pixel adds, in px.
@@ -105,7 +108,12 @@ const FINE_PX: f64 = 0.01;
 /// What `plan`, drawing `mesh`, is expected to cost and to err by. `None` where it would lose parts of the scene, or where the sample
 /// meets nothing visible.
 pub fn predict(mesh: &Mesh, rig: &Rig, plan: &Plan) -> Option<Candidate> {
-    let error = geometric_error(mesh, rig, plan, PAIRS);
+    let mut pairs = PAIRS;
+    let mut error = geometric_error(mesh, rig, plan, pairs);
+    while error.points + error.lost < POINTS && pairs < PAIRS_MAX {
+        pairs *= 4;
+        error = geometric_error(mesh, rig, plan, pairs);
+    }
     let snap = if matches!(plan.edges, Edges::Discard | Edges::Rays) { 0.0 } else { SNAP_PX };
     let work = Work::of(mesh, rig);
     let error_px = (RESERVE * error.worst_px + snap).max(FLOOR_PX);
