@@ -47,6 +47,12 @@ pub enum PlanError {
         "nothing of the scene is visible on rig {0}: bring it to the origin and to the display's size with --fit-m"
     )]
     NothingVisible(String),
+    /// What is fixed would leave out parts of the scene.
+    #[error(
+        "no plan with what is fixed draws all of the scene on rig {0}: sight lines graze the mirror, and pieces have corners without \
+         a pixel; allow --edges rays"
+    )]
+    Lost(String),
     /// The budget is below what the most accurate plan reaches.
     #[error(
         "--budget-px {asked}: the most accurate plan for this scene and rig is expected within {reached:.2e} px ({best})"
@@ -249,7 +255,7 @@ impl<'a> Chooser<'a> {
         let chosen = candidates.iter().find(|candidate| candidate.error_px <= px).copied();
         let Some(chosen) = chosen else {
             let Some(best) = most_accurate(&candidates) else {
-                return Err(PlanError::NothingVisible(self.rig.name.clone()));
+                return Err(PlanError::Lost(self.rig.name.clone()));
             };
             return Err(PlanError::TooAccurate { asked: px, reached: best.error_px, best: best.plan.to_string() });
         };
@@ -275,7 +281,7 @@ impl<'a> Chooser<'a> {
         let within: Vec<Candidate> = candidates.iter().filter(|candidate| candidate.cost_ms <= ms).copied().collect();
         let Some(chosen) = most_accurate(&within) else {
             let Some(cheapest) = candidates.first() else {
-                return Err(PlanError::NothingVisible(self.rig.name.clone()));
+                return Err(PlanError::Lost(self.rig.name.clone()));
             };
             return Err(PlanError::TooFast {
                 asked: ms,
