@@ -482,10 +482,20 @@ fn a_wall_beyond_the_viewers_costs_little() {
     for projection in [Projection::Planar, Projection::ConeRoot] {
         for (edges, bow_px) in [(Edges::Uniform, 0.5), (Edges::Adaptive, 0.5), (Edges::Discard, 8.0)] {
             let mesh = tessellate(&scene, &rig, &plan(projection, edges, bow_px)).unwrap();
-            println!("{projection:?} {edges:?}: {} triangles", mesh.triangles.len());
+            let edges_m = mesh.triangles.iter().flat_map(|triangle| {
+                let [a, b, c] = mesh.corners(triangle);
+                [a.distance(b), b.distance(c), c.distance(a)]
+            });
+            let longest_m = edges_m.fold(0.0, f64::max);
+            println!("{projection:?} {edges:?}: {} triangles, edges up to {longest_m:.3} m", mesh.triangles.len());
             assert!((1..400_000).contains(&mesh.triangles.len()), "{projection:?} {edges:?}");
+            assert!(mesh.positions.len() < 400_000 && longest_m < 0.15, "{projection:?} {edges:?}: {longest_m} m");
         }
     }
+    let [rays, adaptive] = [Edges::Rays, Edges::Adaptive]
+        .map(|edges| slices(&scene, &rig, &plan(Projection::Planar, edges, 0.5), &SLICES[..1]));
+    let (lit, wrong) = differing(&rays, &adaptive);
+    assert!(lit > 100_000 && wrong * 100 < lit, "{wrong} of {lit}");
 }
 
 #[test]

@@ -17,6 +17,9 @@ pub const TRIANGLES_MAX: usize = 50_000_000;
 /// parts are cut, and cutting could go on for ever.
 const GENERATIONS: u32 = 10;
 
+/// Edges longer than the reach are cut into no more parts at once: what of them is out of reach is soon left out.
+const PARTS_FAR: u32 = 16;
+
 /// Edges that need as many parts bow evenly along each.
 const PARTS_EVEN: u32 = 8;
 
@@ -121,7 +124,9 @@ impl Cutter {
             if self.is_out_of_reach(&piece) || self.mesh.triangles.len() > TRIANGLES_MAX {
                 continue;
             }
-            if generation == GENERATIONS || lengths.iter().all(|length| *length <= self.rule.short_m) {
+            // Halving all that is too long ends by itself.
+            let last = generation == GENERATIONS && self.rule.optics.is_some();
+            if last || lengths.iter().all(|length| *length <= self.rule.short_m) {
                 self.emit(triangle, &piece);
                 continue;
             }
@@ -246,7 +251,8 @@ impl Cutter {
         let most = (length / self.rule.short_m).ceil() as u32;
         let needed = |need: f64| (need.ceil() as u32).clamp(1, most);
         if length > self.rule.whole_m && [from, to].into_iter().flatten().any(Option::is_none) {
-            return needed(length / self.rule.whole_m);
+            let parts = needed(length / self.rule.whole_m);
+            return if length > self.reach_m { parts.min(PARTS_FAR) } else { parts };
         }
         if tolerance_px.is_infinite() {
             return 1;
