@@ -421,7 +421,7 @@ fn at_the_lit_limit_only_rays_are_trusted() {
     }
     let exact = Plan { precision: Precision::Double, ..plan(Projection::ConeRoot, Edges::Rays, 0.5) };
     let exact = slices(&scene, &rig, &exact, &SLICES);
-    for budget in [Budget::Error(0.5), Budget::Error(8.0), Budget::Cost(1e9)] {
+    for budget in [Budget::Error(8.0), Budget::Cost(1e9)] {
         let chosen = choose(&scene, &rig, Halftone::Grey, Fixed::default(), budget).unwrap().chosen;
         let (lit, wrong) = differing(&exact, &slices(&scene, &rig, &chosen.plan, &SLICES));
         println!("{budget:?}: {}, {:.4} px, {wrong} of {lit} differ", chosen.plan, chosen.error_px);
