@@ -4,7 +4,7 @@ use core::f64::consts::TAU;
 use glam::{DVec2, DVec3};
 use protocol::rig::{Rig, Viewers};
 use shaders::project::methods::{FaceOptics, Method, SliceProjector, Vertex};
-use shaders::project::{Model, SliceOptics};
+use shaders::project::{Model, SliceOptics, Viewer};
 
 /// Slices of a turn in which bows are measured.
 const SAMPLES: u32 = 24;
@@ -21,7 +21,11 @@ pub type Track = Vec<Option<Vertex<f64>>>;
 
 impl Samples {
     /// Evenly spread over the turn.
-    pub fn new(rig: &Rig, method: Method) -> Self {
+    pub fn new(rig: &Rig, model: Model) -> Self {
+        let method = match model {
+            Model::Planar => Method::Planar,
+            Model::Cone => Method::ConeNewton,
+        };
         let slices = rig.rotation.slices;
         let per_face = slices.min(SAMPLES);
         let projectors = (0..rig.mirror.face.len()).flat_map(|face| {
@@ -37,12 +41,16 @@ impl Samples {
     }
 
     /// How far, in pixels, `inner` lies at most from the mean of `corners` with `weights`, in the slices in which some of them may be
-    /// visible: in a sample or in one beside it, since a slice between two samples is like either.
+    /// visible: in a sample or in one beside it, since a slice between two samples is like either. Without bound where one of them
+    /// has no pixel there: the piece cannot be drawn, and shorter ones may.
     pub fn bow_px<const N: usize>(&self, inner: &Track, corners: [&Track; N], weights: [f64; N]) -> f64 {
         let seen = |sample: usize| {
             let vertices = || corners.iter().copied().chain([inner]).map(|track| &track[sample]);
+            if vertices().any(Option::is_none) {
+                return vertices().flatten().any(|vertex| vertex.lit && vertex.sides == 0);
+            }
             let common = vertices().flatten().fold(u8::MAX, |common, vertex| common & vertex.sides);
-            vertices().all(Option::is_some) && common == 0 && vertices().flatten().any(|vertex| vertex.lit)
+            common == 0 && vertices().flatten().any(|vertex| vertex.lit)
         };
         let bow = |sample: usize| {
             let pixel = |track: &Track| track[sample].map(|vertex| DVec2::from_array(vertex.pixel));
@@ -57,7 +65,7 @@ impl Samples {
             let first = sample - sample % around;
             [0, 1, around - 1].into_iter().any(|step| seen(first + (sample + step) % around))
         });
-        bows.filter_map(bow).fold(0.0, f64::max)
+        bows.map(|sample| bow(sample).unwrap_or(f64::INFINITY)).fold(0.0, f64::max)
     }
 }
 
@@ -77,11 +85,45 @@ fn panel_m(rig: &Rig) -> f64 {
     extents.fold(0.0, f64::max)
 }
 
-/// The longest edge that may have an end without a pixel: half the smallest panel. The renderer takes it that a piece with a corner
-/// a panel's size off the panel does not meet it.
+/// The finest that edges are cut to, as a share of the smallest panel (4 mm on the reference rig, which bows by 0.03 px): near the
+/// viewers, and where sight lines graze the mirror, bows grow without bound.
+const FINEST: f64 = 1.0 / 32.0;
+
+/// No shorter edge is cut.
+pub fn finest_edge_m(rig: &Rig) -> f64 {
+    FINEST * smallest_panel_m(rig)
+}
+
+/// The longest edge that may have an end without a pixel. The renderer takes it that a piece with a corner a panel's size off the panel
+/// does not meet it, so that this is half the smallest panel, and the less the flatter sight lines are to the mirror: it is seen as
+/// much longer there. Where they graze it, even the finest edges are too long.
 pub fn whole_edge_m(rig: &Rig) -> f64 {
+    (0.5 * smallest_panel_m(rig) * flattest_sine(rig)).max(finest_edge_m(rig))
+}
+
+fn smallest_panel_m(rig: &Rig) -> f64 {
     let sizes = rig.mirror.face.iter().map(|face| face.width_m.min(face.slope_span_m[1] - face.slope_span_m[0]));
-    0.5 * sizes.fold(f64::INFINITY, f64::min)
+    sizes.fold(f64::INFINITY, f64::min)
+}
+
+/// The sine of the smallest angle between the mirror and a sight line of its panels; 0 where some leave it from behind.
+fn flattest_sine(rig: &Rig) -> f64 {
+    let faces = rig.mirror.face.iter().enumerate();
+    let slices = faces.flat_map(|pair| (0..SAMPLES).map(move |sample| (pair, sample)));
+    slices.fold(1.0, |flattest, ((index, face), sample)| {
+        let theta = TAU * f64::from(sample) / f64::from(SAMPLES);
+        let (frame, optics) = (face.frame(theta), SliceOptics::new(rig, index, theta, Model::Planar));
+        let sine = |across: f64, up: f64| {
+            let slope = face.slope_span_m[0] + up * (face.slope_span_m[1] - face.slope_span_m[0]);
+            let mirror = face.offset_m * frame.normal + across * face.width_m * frame.across + slope * frame.slope;
+            optics.sight_of(mirror).map_or(0.0, |sight| match sight.viewer {
+                Viewer::At(viewer) => frame.normal.dot((viewer - mirror).normalize()),
+                Viewer::Toward(direction) => frame.normal.dot(direction),
+            })
+        };
+        let places = [-0.5, 0.0, 0.5].into_iter().flat_map(|across| [0.0, 0.5, 1.0].map(|up| sine(across, up)));
+        places.fold(flattest, f64::min)
+    })
 }
 
 /// The longest edge whose middle stays within `bow_px` of the middle of its ends' pixels, anywhere within `radius_m` of the

@@ -1,11 +1,14 @@
 //! One slice in the making: fixed-point rasterisation, depth by |V' − Q|.
 
+use super::bow::edge_limit_m;
 use super::mesh::{Mesh, Triangle};
+use super::plan::{DepthTest, Edges, Plan};
 use super::sight::{Line, Sights};
 use crate::scene::{Texture, luminance};
 use core::ops::Range;
 use glam::{DVec3, Vec2, Vec3};
-use shaders::project::methods::{Real, SliceProjector};
+use protocol::rig::{Rig, Viewers};
+use shaders::project::methods::{Method, Real, SliceProjector};
 use std::sync::Arc;
 
 /// Sub-pixel steps a pixel.
@@ -35,15 +38,39 @@ pub enum Coverage {
 }
 
 impl Coverage {
-    /// What holds for each triangle of `mesh`: its bulge in metres, or how far from it pixels are tested, in steps.
-    pub fn margins(self, mesh: &Mesh) -> Vec<f32> {
-        let of_edge = |square_m2: f64| match self {
-            Self::Linear => 0.0,
-            Self::Exact { bulge_per_m } => bulge_per_m * square_m2,
-            Self::Discard { bow_px_per_m2, bow_px } => ((bow_px_per_m2 * square_m2).min(bow_px) * STEPS).ceil(),
-        };
-        mesh.triangles.iter().map(|triangle| of_edge(longest_squared(mesh.corners(triangle))) as f32).collect()
+    /// What `plan` asks for in drawing `mesh`.
+    pub fn new(mesh: &Mesh, rig: &Rig, plan: &Plan) -> Self {
+        match (plan.edges, plan.depth) {
+            (Edges::Discard, _) => {
+                // Up to this length every edge keeps within the bow; what is longer was cut where it does not.
+                let radius_m = mesh.positions.iter().map(|position| position.length()).fold(0.0, f64::max);
+                let length_m = edge_limit_m(rig, Method::from(plan.projection).model(), radius_m, plan.bow_px);
+                Self::Discard { bow_px_per_m2: plan.bow_px / (length_m * length_m), bow_px: plan.bow_px }
+            }
+            (_, DepthTest::Linear) => Self::Linear,
+            (_, DepthTest::Exact) => Self::Exact { bulge_per_m: depth_bulge_per_m(rig) },
+        }
     }
+
+    /// What holds for a triangle: its bulge in metres, or how far from it pixels are tested, in pixels.
+    pub fn margin(self, corners: [DVec3; 3]) -> f64 {
+        match self {
+            Self::Linear => 0.0,
+            Self::Exact { bulge_per_m } => bulge_per_m * longest_squared(corners),
+            Self::Discard { bow_px_per_m2, bow_px } => (bow_px_per_m2 * longest_squared(corners)).min(bow_px),
+        }
+    }
+}
+
+/// How far depth lies from its mean between two points, in metres, for each square metre of their distance: half its curvature, which
+/// is that of a sphere about the viewer and of the turning of V' with the point about P'.
+fn depth_bulge_per_m(rig: &Rig) -> f64 {
+    let throw = 1.0 / rig.camera().position.length();
+    let viewer = match rig.viewers() {
+        Viewers::Circle { distance_m, .. } => 1.0 / distance_m,
+        Viewers::Infinity { .. } => 0.0,
+    };
+    (throw + viewer) / 2.0
 }
 
 /// The square of a triangle's longest edge.
@@ -51,7 +78,7 @@ fn longest_squared([a, b, c]: [DVec3; 3]) -> f64 {
     a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a))
 }
 
-/// What is drawn: triangles, how, and for each of them what [`Coverage::margins`] says.
+/// What is drawn: triangles, how, and for each of them what [`Coverage::margin`] says.
 pub struct Drawing {
     /// The triangles.
     pub mesh: Mesh,
@@ -62,7 +89,8 @@ pub struct Drawing {
 impl Drawing {
     /// `mesh`, drawn by `coverage`.
     pub fn new(mesh: Mesh, coverage: Coverage) -> Self {
-        Self { margins: coverage.margins(&mesh), mesh, coverage }
+        let margins = mesh.triangles.iter().map(|triangle| coverage.margin(mesh.corners(triangle)) as f32).collect();
+        Self { margins, mesh, coverage }
     }
 }
 
@@ -234,7 +262,8 @@ impl Canvas {
         let triangle = &drawing.mesh.triangles[index];
         let positions = drawing.mesh.corners(triangle);
         let corners = self.corners_of(&drawing.mesh, index);
-        fill([self.width, self.height], corners, drawing.margins[index].into(), |pixel, cell, _| {
+        let margin = (f64::from(drawing.margins[index]) * STEPS).ceil();
+        fill([self.width, self.height], corners, margin, |pixel, cell, _| {
             let Some(line) = self.sights.line(projector, pixel, cell) else { return };
             let Some(weights) = line.weights(positions) else { return };
             let depth = line.plane_depth_m(positions) as f32;

@@ -1,10 +1,9 @@
 //! The clear renderer: a task a slice, then halftone.
 
 use super::blur::eye_blur;
-use super::bow::edge_limit_m;
 use super::canvas::{Canvas, Coverage, Drawing};
 use super::halftone::{halftone_slices, slices_read};
-use super::plan::{DepthTest, Edges, Halftone, Plan, Precision};
+use super::plan::{Edges, Halftone, Plan, Precision};
 use super::sight::Line;
 use super::tessellate::tessellate;
 use super::truth::Caster;
@@ -16,7 +15,7 @@ use protocol::rig::{Rig, Viewers};
 use rayon::prelude::*;
 use shaders::halftone::{Slot, halftone};
 use shaders::project::SliceOptics;
-use shaders::project::methods::{FaceOptics, Method, Real};
+use shaders::project::methods::{FaceOptics, Real};
 
 /// The reference on the CPU.
 #[derive(Clone, Copy, Debug, Default)]
@@ -60,30 +59,9 @@ impl<'a> Subject<'a> {
             return Ok(Self::Rays(Caster::new(scene)));
         }
         let mesh = tessellate(scene, rig, plan)?;
-        let coverage = match (plan.edges, plan.depth) {
-            (Edges::Discard, _) => {
-                // Up to this length every edge keeps within the bow; what is longer was cut where it does not.
-                let radius_m = mesh.positions.iter().map(|position| position.length()).fold(0.0, f64::max);
-                let model = Method::from(plan.projection).model();
-                let length_m = edge_limit_m(rig, model, radius_m, plan.bow_px);
-                Coverage::Discard { bow_px_per_m2: plan.bow_px / (length_m * length_m), bow_px: plan.bow_px }
-            }
-            (_, DepthTest::Linear) => Coverage::Linear,
-            (_, DepthTest::Exact) => Coverage::Exact { bulge_per_m: depth_bulge_per_m(rig) },
-        };
+        let coverage = Coverage::new(&mesh, rig, plan);
         Ok(Self::Drawing(Drawing::new(mesh, coverage)))
     }
-}
-
-/// How far depth lies from its mean between two points, in metres, for each square metre of their distance: half its curvature, which
-/// is that of a sphere about the viewer and of the turning of V' with the point about P'.
-fn depth_bulge_per_m(rig: &Rig) -> f64 {
-    let throw = 1.0 / rig.camera().position.length();
-    let viewer = match rig.viewers() {
-        Viewers::Circle { distance_m, .. } => 1.0 / distance_m,
-        Viewers::Infinity { .. } => 0.0,
-    };
-    (throw + viewer) / 2.0
 }
 
 fn render<F: Real>(

@@ -1,7 +1,7 @@
 //! Long edges are cut so that straight pieces stay close to the curves that the optics make of them.
 
 use super::RenderError;
-use super::bow::{Samples, Track, edge_limit_m, reach_m, whole_edge_m};
+use super::bow::{Samples, Track, edge_limit_m, finest_edge_m, reach_m, whole_edge_m};
 use super::mesh::{Mesh, Triangle};
 use super::plan::{Edges, Plan};
 use crate::scene::ShadedScene;
@@ -13,13 +13,12 @@ use std::collections::HashMap;
 /// More triangles than this are refused: at 100 bytes each they would fill 5 GB.
 pub const TRIANGLES_MAX: usize = 50_000_000;
 
-/// No edge shorter than this share of the smallest panel is cut (4 mm on the reference rig, which bows by 0.03 px): near the viewers, and
-/// where sight lines graze the mirror, bows grow without bound.
-const SMALLEST: f64 = 1.0 / 32.0;
-
 /// Pieces of as many cuts stay as they are. Four or five suffice, but where an edge has an end without a pixel it may stay while its
 /// parts are cut, and cutting could go on for ever.
 const GENERATIONS: u32 = 10;
+
+/// Edges longer than the reach are cut into no more parts at once: what of them is out of reach is soon left out.
+const PARTS_FAR: u32 = 16;
 
 /// Edges that need as many parts bow evenly along each.
 const PARTS_EVEN: u32 = 8;
@@ -32,20 +31,19 @@ const RESERVE: f64 = 1.05;
 ///
 /// Whether and where an edge is cut depends on the edge alone, so that both its triangles cut it alike and no crack opens.
 pub fn tessellate(scene: &ShadedScene, rig: &Rig, plan: &Plan) -> Result<Mesh, RenderError> {
-    let method = Method::from(plan.projection);
-    let limit_m = |bow_px| {
-        edge_limit_m(rig, method.model(), scene_radius_m(scene), bow_px).max(2.0 * SMALLEST * whole_edge_m(rig))
-    };
+    let model = Method::from(plan.projection).model();
+    let whole_m = whole_edge_m(rig);
+    let limit_m = |bow_px| edge_limit_m(rig, model, scene_radius_m(scene), bow_px).max(finest_edge_m(rig));
     let rule = match plan.edges {
-        Edges::Uniform => Rule { short_m: limit_m(plan.bow_px), whole_m: whole_edge_m(rig), optics: None },
+        Edges::Uniform => Rule { short_m: limit_m(plan.bow_px), whole_m, optics: None },
         Edges::Straight | Edges::Rays => {
-            let optics = Optics { samples: Samples::new(rig, method), tolerance_px: f64::INFINITY };
-            Rule { short_m: whole_edge_m(rig), whole_m: whole_edge_m(rig), optics: Some(optics) }
+            let optics = Optics { samples: Samples::new(rig, model), tolerance_px: f64::INFINITY };
+            Rule { short_m: whole_m, whole_m, optics: Some(optics) }
         }
         Edges::Adaptive | Edges::Discard => {
-            let optics = Optics { samples: Samples::new(rig, method), tolerance_px: plan.bow_px / RESERVE };
+            let optics = Optics { samples: Samples::new(rig, model), tolerance_px: plan.bow_px / RESERVE };
             // The middle of a triangle bows by a third more than its edges at most.
-            Rule { short_m: limit_m(0.75 * plan.bow_px), whole_m: whole_edge_m(rig), optics: Some(optics) }
+            Rule { short_m: limit_m(0.75 * plan.bow_px), whole_m, optics: Some(optics) }
         }
     };
     let Mesh { positions, triangles } = Mesh::new(scene);
@@ -126,7 +124,9 @@ impl Cutter {
             if self.is_out_of_reach(&piece) || self.mesh.triangles.len() > TRIANGLES_MAX {
                 continue;
             }
-            if generation == GENERATIONS || lengths.iter().all(|length| *length <= self.rule.short_m) {
+            // Halving all that is too long ends by itself.
+            let last = generation == GENERATIONS && self.rule.optics.is_some();
+            if last || lengths.iter().all(|length| *length <= self.rule.short_m) {
                 self.emit(triangle, &piece);
                 continue;
             }
@@ -251,7 +251,8 @@ impl Cutter {
         let most = (length / self.rule.short_m).ceil() as u32;
         let needed = |need: f64| (need.ceil() as u32).clamp(1, most);
         if length > self.rule.whole_m && [from, to].into_iter().flatten().any(Option::is_none) {
-            return needed(length / self.rule.whole_m);
+            let parts = needed(length / self.rule.whole_m);
+            return if length > self.reach_m { parts.min(PARTS_FAR) } else { parts };
         }
         if tolerance_px.is_infinite() {
             return 1;

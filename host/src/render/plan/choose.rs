@@ -47,6 +47,12 @@ pub enum PlanError {
         "nothing of the scene is visible on rig {0}: bring it to the origin and to the display's size with --fit-m"
     )]
     NothingVisible(String),
+    /// What is fixed would leave out parts of the scene.
+    #[error(
+        "no plan with what is fixed draws all of the scene on rig {0}: sight lines graze the mirror, and pieces have corners without \
+         a pixel; allow --edges rays"
+    )]
+    Lost(String),
     /// The budget is below what the most accurate plan reaches.
     #[error(
         "--budget-px {asked}: the most accurate plan for this scene and rig is expected within {reached:.2e} px ({best})"
@@ -91,6 +97,9 @@ pub struct Fixed {
 
 /// Pairs of piece and slice in a prediction's sample; some milliseconds.
 const PAIRS: usize = 3000;
+/// And at most, where fewer than [`POINTS`] of it are visible: what is seldom seen is seldom lost too, but not less wrong.
+const PAIRS_MAX: usize = 16 * PAIRS;
+const POINTS: usize = 1000;
 /// A sample's largest error is below the largest of all by less than this factor: see the test on random rigs.
 const RESERVE: f64 = 1.25;
 /// What rounding vertices to 1/256 pixel adds, in px.
@@ -105,7 +114,12 @@ const FINE_PX: f64 = 0.01;
 /// What `plan`, drawing `mesh`, is expected to cost and to err by. `None` where it would lose parts of the scene, or where the sample
 /// meets nothing visible.
 pub fn predict(mesh: &Mesh, rig: &Rig, plan: &Plan) -> Option<Candidate> {
-    let error = geometric_error(mesh, rig, plan, PAIRS);
+    let mut pairs = PAIRS;
+    let mut error = geometric_error(mesh, rig, plan, pairs);
+    while error.points + error.lost < POINTS && pairs < PAIRS_MAX {
+        pairs *= 4;
+        error = geometric_error(mesh, rig, plan, pairs);
+    }
     let snap = if matches!(plan.edges, Edges::Discard | Edges::Rays) { 0.0 } else { SNAP_PX };
     let work = Work::of(mesh, rig);
     let error_px = (RESERVE * error.worst_px + snap).max(FLOOR_PX);
@@ -234,7 +248,7 @@ impl<'a> Chooser<'a> {
         let chosen = candidates.iter().find(|candidate| candidate.error_px <= px).copied();
         let Some(chosen) = chosen else {
             let Some(best) = most_accurate(&candidates) else {
-                return Err(PlanError::NothingVisible(self.rig.name.clone()));
+                return Err(PlanError::Lost(self.rig.name.clone()));
             };
             return Err(PlanError::TooAccurate { asked: px, reached: best.error_px, best: best.plan.to_string() });
         };
@@ -260,7 +274,7 @@ impl<'a> Chooser<'a> {
         let within: Vec<Candidate> = candidates.iter().filter(|candidate| candidate.cost_ms <= ms).copied().collect();
         let Some(chosen) = most_accurate(&within) else {
             let Some(cheapest) = candidates.first() else {
-                return Err(PlanError::NothingVisible(self.rig.name.clone()));
+                return Err(PlanError::Lost(self.rig.name.clone()));
             };
             return Err(PlanError::TooFast {
                 asked: ms,

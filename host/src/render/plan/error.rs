@@ -1,6 +1,7 @@
 //! How far a plan draws the scene from where the diffuser's cone puts it.
 
 use super::{Edges, Plan, Precision};
+use crate::render::canvas::Coverage;
 use crate::render::mesh::Mesh;
 use glam::{DVec2, DVec3};
 use protocol::rig::Rig;
@@ -22,7 +23,8 @@ pub struct GeometricError {
     pub worst_depth_m: f64,
     /// How many points were compared. 0: nothing of the scene was seen.
     pub points: usize,
-    /// How many points are visible but lie on pieces that are not drawn, because a corner has no pixel.
+    /// How many points are visible but are not drawn, because a corner of their piece has no pixel, or because they lie too far from
+    /// it for the test by pixel.
     pub lost: usize,
 }
 
@@ -42,6 +44,7 @@ fn compare<F: Real>(mesh: &Mesh, rig: &Rig, plan: &Plan, pairs: usize) -> Geomet
     let faces: Vec<FaceOptics<F>> =
         (0..rig.mirror.face.len()).map(|face| FaceOptics::new(rig, face, Method::from(plan.projection))).collect();
     let longest = longest_first(mesh, pairs);
+    let coverage = Coverage::new(mesh, rig, plan);
     let slices = rig.rotation.slices as usize;
     // Pairs of one slice are together, so that its optics are made once.
     let sums = (0..slices).into_par_iter().map(|slice| {
@@ -61,7 +64,8 @@ fn compare<F: Real>(mesh: &Mesh, rig: &Rig, plan: &Plan, pairs: usize) -> Geomet
                     0 => longest[pair / 2 % longest.len()],
                     _ => spread(*pair, mesh.triangles.len()),
                 };
-                sum.add(mesh, piece, &exact, &drawn, plan.edges);
+                let corners = mesh.corners(&mesh.triangles[piece]);
+                sum.add(corners, &exact, &drawn, plan.edges, coverage.margin(corners));
             }
         }
         sum
@@ -124,11 +128,11 @@ impl Sum {
 
     fn add<F: Real>(
         &mut self,
-        mesh: &Mesh,
-        piece: usize,
+        corners: [DVec3; 3],
         exact: &SliceOptics,
         drawn: &SliceProjector<F>,
         edges: Edges,
+        margin_px: f64,
     ) {
         const WEIGHTS: [[f64; 3]; 7] = [
             [1.0, 0.0, 0.0],
@@ -139,7 +143,6 @@ impl Sum {
             [0.5, 0.0, 0.5],
             [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0],
         ];
-        let corners = mesh.triangles[piece].corners.map(|corner| mesh.positions[corner as usize]);
         let vertex_of = |point: DVec3| {
             let vertex = drawn.vertex(point.to_array().map(F::of))?;
             Some((DVec2::from_array(vertex.pixel.map(F::wide)), vertex.depth_m.wide()))
@@ -152,7 +155,11 @@ impl Sum {
             let itself = vertex_of(point);
             let drawn_at = match (edges, vertices) {
                 // The test by pixel and the ray bend what they draw as the method itself does.
-                (Edges::Discard | Edges::Rays, _) => itself,
+                (Edges::Rays, _) => itself,
+                (Edges::Discard, [Some(a), Some(b), Some(c)]) => {
+                    itself.filter(|itself| distance([a, b, c].map(|corner| corner.0), itself.0) <= margin_px)
+                }
+                (Edges::Discard, _) => None,
                 (_, [Some(a), Some(b), Some(c)]) => Some((
                     weights[0] * a.0 + weights[1] * b.0 + weights[2] * c.0,
                     weights[0] * a.1 + weights[1] * b.1 + weights[2] * c.1,
@@ -171,6 +178,20 @@ impl Sum {
             self.points += 1;
         }
     }
+}
+
+/// How far `point` lies from a triangle; 0 within it.
+fn distance(corners: [DVec2; 3], point: DVec2) -> f64 {
+    let edges = [(0, 1), (1, 2), (2, 0)].map(|(from, to)| (corners[from], corners[to] - corners[from]));
+    let turns = edges.map(|(from, edge)| edge.perp_dot(point - from));
+    if turns.iter().all(|turn| *turn > 0.0) || turns.iter().all(|turn| *turn < 0.0) {
+        return 0.0;
+    }
+    let to_edge = |(from, edge): (DVec2, DVec2)| {
+        let along = (edge.dot(point - from) / edge.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        point.distance(from + along * edge)
+    };
+    edges.map(to_edge).into_iter().fold(f64::INFINITY, f64::min)
 }
 
 /// The angle at V' between where a point is drawn on the mirror and where it belongs.
