@@ -416,13 +416,13 @@ fn at_the_lit_limit_only_rays_are_trusted() {
         assert!(geometric_error(&mesh, &rig, &plan, 3000).lost > 0, "{edges:?}");
         assert_eq!(predict(&mesh, &rig, &plan), None, "{edges:?}");
         let fixed = Fixed { projection: Some(Projection::Planar), edges: Some(edges), ..Fixed::default() };
-        let chosen = choose(&scene, &rig, Halftone::Grey, fixed, Budget::Error(1000.0));
+        let chosen = choose(&scene, &rig, fixed, Budget::Error(1000.0));
         assert_eq!(chosen.unwrap_err(), PlanError::Lost(rig.name.clone()), "{edges:?}");
     }
     let exact = Plan { precision: Precision::Double, ..plan(Projection::ConeRoot, Edges::Rays, 0.5) };
     let exact = slices(&scene, &rig, &exact, &SLICES);
     for budget in [Budget::Error(8.0), Budget::Cost(1e9)] {
-        let chosen = choose(&scene, &rig, Halftone::Grey, Fixed::default(), budget).unwrap().chosen;
+        let chosen = choose(&scene, &rig, Fixed::default(), budget).unwrap().chosen;
         let (lit, wrong) = differing(&exact, &slices(&scene, &rig, &chosen.plan, &SLICES));
         println!("{budget:?}: {}, {:.4} px, {wrong} of {lit} differ", chosen.plan, chosen.error_px);
         assert!(chosen.plan.edges == Edges::Rays && wrong * 100 < lit, "{}: {wrong} of {lit}", chosen.plan);

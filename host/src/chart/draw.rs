@@ -25,6 +25,8 @@ struct Mark {
     x: f64,
     y: f64,
     colour: RGBColor,
+    /// Whether it takes part in the front: patterns that flicker stand apart.
+    competes: bool,
 }
 
 /// A scatter plot with its Pareto front.
@@ -116,7 +118,7 @@ fn mark(index: usize, plan: &Plan, x: f64, y: f64) -> Mark {
         Projection::ConeRoot => RGBColor(210, 140, 240),
     };
     let label = format!("{plan}: {x:.2} x, {} px", significant(y));
-    Mark { number: index + 1, label, x, y, colour }
+    Mark { number: index + 1, label, x, y, colour, competes: true }
 }
 
 /// Every method's geometric means over all scenes and rigs that it does not lose parts of.
@@ -134,13 +136,16 @@ fn halftones(chart: &Chart, across: impl Fn(&super::halftones::Point) -> f64) ->
         let flickers = if turns > 1 { ", flickers" } else { "" };
         let colour = if turns > 1 { RGBColor(240, 110, 110) } else { RGBColor(110, 190, 255) };
         let label = format!("{halftone}: {} x, {y:.1} dB{flickers}", significant(x));
-        Mark { number: index + 1, label, x, y, colour }
+        Mark { number: index + 1, label, x, y, colour, competes: turns == 1 }
     });
     marks.collect()
 }
 
 /// Three digits that mean something.
 fn significant(value: f64) -> String {
+    if value < 1e-5 {
+        return format!("{value:.0e}");
+    }
     let digits = (2.0 - value.abs().max(1e-9).log10().floor()).clamp(0.0, 6.0) as usize;
     format!("{value:.digits$}")
 }
@@ -228,8 +233,9 @@ impl Scatter<'_> {
             .light_line_style(PAPER)
             .draw()?;
         let sense = if self.error { 1.0 } else { -1.0 };
-        let front = pareto_front(&self.marks.iter().map(|mark| (mark.x, sense * mark.y)).collect::<Vec<_>>());
-        let on_front = self.marks.iter().zip(&front).filter(|(_, on)| **on);
+        let competing: Vec<&Mark> = self.marks.iter().filter(|mark| mark.competes).collect();
+        let front = pareto_front(&competing.iter().map(|mark| (mark.x, sense * mark.y)).collect::<Vec<_>>());
+        let on_front = competing.iter().zip(&front).filter(|(_, on)| **on);
         let mut line: Vec<(f64, f64)> = on_front.map(|(mark, _)| (mark.x, mark.y)).collect();
         line.sort_by(|a, b| a.0.total_cmp(&b.0));
         chart.draw_series(LineSeries::new(line, RGBColor(150, 150, 160)))?;

@@ -3,6 +3,7 @@
 use super::args::{PlanArgs, SceneArgs};
 use super::{Failure, say, say_json};
 use crate::render::cpu::CpuRenderer;
+use crate::render::plan::Plan;
 use crate::render::plan::choose::{Budget, Candidate, PlanError};
 use crate::render::plan::speed::ms_per_cost;
 use crate::rigs;
@@ -51,13 +52,15 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     say(format!("{} on {}: {}", args.scene.scene, rig.name, chosen.plan));
     say(format!(" {:<51} {:>7} {:>6} {:>6} {:>7}", "plan", "px", "arcmin", "ms", "triangles"));
     let candidates = &planned.choice.candidates;
+    // Whether the chosen plan needs exact depth is found out for that one alone.
+    let same = |one: &Candidate| Plan { depth: chosen.plan.depth, ..one.plan } == chosen.plan;
     // What another one with the same treatment of edges does as well for less is left out; JSON has all.
     let is_beaten = |one: &Candidate| {
         let beats = |other: &&Candidate| other.plan.edges == one.plan.edges && other.error_px <= 1.05 * one.error_px;
         candidates.iter().take_while(|other| other.plan != one.plan).any(|other| beats(&other))
     };
-    for candidate in candidates.iter().filter(|one| one.plan == chosen.plan || !is_beaten(one)) {
-        let mark = if candidate.plan == chosen.plan { '>' } else { ' ' };
+    for candidate in candidates.iter().filter(|one| same(one) || !is_beaten(one)) {
+        let mark = if same(candidate) { '>' } else { ' ' };
         say(format!("{mark}{}", line(candidate, scale)));
     }
     let versus = |what: &str, other: Option<Candidate>| match other {

@@ -62,15 +62,16 @@ impl Coverage {
     }
 }
 
-/// How far depth lies from its mean between two points, in metres, for each square metre of their distance: half its curvature, which
-/// is that of a sphere about the viewer and of the turning of V' with the point about P'.
+/// How far depth may lie from what is interpolated between a triangle's corners, in metres, for each square metre of its longest edge:
+/// a sixth of its curvature, since no point is farther from a corner than the edge by √3, and a fifth more. Its curvature is that of a
+/// sphere about the viewer and of the turning of V' with the point about P'.
 fn depth_bulge_per_m(rig: &Rig) -> f64 {
     let throw = 1.0 / rig.camera().position.length();
     let viewer = match rig.viewers() {
         Viewers::Circle { distance_m, .. } => 1.0 / distance_m,
         Viewers::Infinity { .. } => 0.0,
     };
-    (throw + viewer) / 2.0
+    (throw + viewer) / 5.0
 }
 
 /// The square of a triangle's longest edge.

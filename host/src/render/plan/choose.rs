@@ -2,10 +2,11 @@
 
 use super::cost::{Work, turn_ns, vertex_ns};
 use super::error::geometric_error;
-use super::{DepthTest, Edges, Plan, Precision, Projection};
-use crate::render::RenderError;
+use super::{DepthTest, Edges, Halftone, Plan, Precision, Projection};
+use crate::render::cpu::CpuRenderer;
 use crate::render::mesh::Mesh;
 use crate::render::tessellate::tessellate;
+use crate::render::{RenderError, Renderer};
 use crate::scene::ShadedScene;
 use glam::DVec2;
 use protocol::rig::Rig;
@@ -108,6 +109,10 @@ const SNAP_PX: f64 = 0.003;
 const FLOOR_PX: f64 = 1e-6;
 /// How far the pieces of [`Edges::Discard`] may bow, px: coarser ones are not dearer by the pixel, finer ones are more.
 const COARSE_PX: f64 = 8.0;
+/// Of 255 levels of grey, a difference that can be seen.
+const VISIBLE_STEP: u8 = 8;
+/// Where linear depth gets no more than this share of the lit pixels wrong, exact depth is not worth its time.
+const CROSSING_SHARE: f64 = 2e-3;
 /// The smallest bow that edges are cut to, px: below it cutting is dearer than the test by pixel.
 const FINE_PX: f64 = 0.01;
 
@@ -205,19 +210,12 @@ impl<'a> Chooser<'a> {
                 }
             }
         }
-        for candidate in &mut candidates {
-            // Where interpolated depth errs by more than the budget's size on the display, crossing surfaces would show it.
-            let shows = candidate.depth_m > px * pitch_m(self.rig);
-            let wanted = if shows { DepthTest::Exact } else { DepthTest::Linear };
-            candidate.plan.depth = self.fixed.depth.unwrap_or(wanted);
-            candidate.cost_ms = turn_ns(&candidate.plan, &candidate.work) / 1e6;
-        }
         candidates.sort_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
         Ok(candidates)
     }
 
     fn by_edges(&self, way: &Candidate, edges: Edges, px: f64) -> Result<Option<Candidate>, PlanError> {
-        let with = |bow_px| Plan { edges, bow_px, depth: DepthTest::Linear, ..way.plan };
+        let with = |bow_px| Plan { edges, bow_px, depth: self.fixed.depth.unwrap_or(DepthTest::Linear), ..way.plan };
         let cut = |bow_px| -> Result<Option<Candidate>, PlanError> {
             let plan = with(bow_px);
             Ok(predict(&tessellate(self.scene, self.rig, &plan)?, self.rig, &plan))
@@ -252,7 +250,27 @@ impl<'a> Chooser<'a> {
             };
             return Err(PlanError::TooAccurate { asked: px, reached: best.error_px, best: best.plan.to_string() });
         };
-        Ok(Choice { chosen, candidates })
+        Ok(Choice { chosen: self.with_depth(chosen)?, candidates })
+    }
+
+    /// `candidate` with exact depth if that is needed: if surfaces come so close that it changes a sample of slices.
+    fn with_depth(&self, candidate: Candidate) -> Result<Candidate, PlanError> {
+        let is_open = self.fixed.depth.is_none() && !matches!(candidate.plan.edges, Edges::Discard | Edges::Rays);
+        if !is_open || candidate.depth_m < 0.1 * pitch_m(self.rig) {
+            return Ok(candidate);
+        }
+        let linear = Plan { halftone: Halftone::Grey, ..candidate.plan };
+        let exact = Plan { depth: DepthTest::Exact, ..linear };
+        let slices: Vec<u32> = (0..3).map(|index| index * self.rig.rotation.slices / 3).collect();
+        let render = |plan| CpuRenderer.render_slices(self.scene, self.rig, plan, &slices, &|| ());
+        let (linear, exact) = (render(&linear)?, render(&exact)?);
+        let lit = exact.bytes().iter().filter(|byte| **byte > 0).count();
+        let wrong = linear.bytes().iter().zip(exact.bytes()).filter(|(a, b)| a.abs_diff(**b) > VISIBLE_STEP).count();
+        if (wrong as f64) <= CROSSING_SHARE * lit as f64 {
+            return Ok(candidate);
+        }
+        let plan = Plan { depth: DepthTest::Exact, ..candidate.plan };
+        Ok(Candidate { plan, cost_ms: turn_ns(&plan, &candidate.work) / 1e6, ..candidate })
     }
 
     /// Cost falls as the budget in pixels grows, so that the smallest that can be paid is found by halving.
@@ -282,7 +300,8 @@ impl<'a> Chooser<'a> {
                 fastest: cheapest.plan.to_string(),
             });
         };
-        Ok(Choice { chosen, candidates })
+        let exact = self.with_depth(chosen)?;
+        Ok(Choice { chosen: if exact.cost_ms <= ms { exact } else { chosen }, candidates })
     }
 }
 
