@@ -150,7 +150,7 @@ fn significant(value: f64) -> String {
     format!("{value:.digits$}")
 }
 
-/// An axis that is linear, or logarithmic with ticks at powers of ten or, where there are few, at 1, 2 and 5.
+/// An axis that is linear, or logarithmic with ticks at powers of ten and, where those are few, between them.
 struct Axis {
     range: Range<f64>,
     logarithmic: bool,
@@ -186,7 +186,11 @@ impl Ranged for Axis {
         if !self.logarithmic {
             return RangedCoordf64::from(start..end).key_points(hint);
         }
-        let steps: &[f64] = if end - start > 2.5 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+        let steps: &[f64] = match end - start {
+            many if many > 2.5 => &[1.0],
+            some if some > 0.9 => &[1.0, 2.0, 5.0],
+            _ => &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0],
+        };
         let decades = start.floor() as i32..=end.ceil() as i32;
         let ticks = decades.flat_map(|decade| steps.iter().map(move |step| step * 10f64.powi(decade)));
         ticks.filter(|tick| self.range.contains(&tick.log10())).collect()

@@ -123,7 +123,7 @@ fn why_kept(plan: &Plan) -> &'static str {
         Plan { projection: Projection::ConeRoot, .. } => "the reference of the other cones, and what they fall back to",
         Plan { precision: Precision::Double, .. } => "for rigs on which single precision errs, which a plan finds out",
         Plan { projection: Projection::ConeTable, .. } => {
-            "the patent's suggestion; wins where roots are dear, as without a fast square root"
+            "the patent's suggestion: a vertex costs two thirds of Newton's, for renderers that are bound by vertices"
         }
         Plan { projection: Projection::Planar, .. } => {
             "the patent's way; enough near the mirror's height and for small scenes"

@@ -15,6 +15,8 @@ use std::sync::Arc;
 const STEPS: f64 = 256.0;
 /// Vertices farther outside the image than this many pixels are not drawn: their fixed-point products would overflow.
 const FAR_PX: f64 = 1e6;
+/// What rounding of vertices, to steps and in single precision, may move a triangle's outline by.
+const ROUNDING_PX: f64 = 0.02;
 /// No triangle.
 const NONE: u32 = u32::MAX;
 
@@ -57,7 +59,9 @@ impl Coverage {
         match self {
             Self::Linear => 0.0,
             Self::Exact { bulge_per_m } => bulge_per_m * longest_squared(corners),
-            Self::Discard { bow_px_per_m2, bow_px } => (bow_px_per_m2 * longest_squared(corners)).min(bow_px),
+            Self::Discard { bow_px_per_m2, bow_px } => {
+                (bow_px_per_m2 * longest_squared(corners)).min(bow_px) + ROUNDING_PX
+            }
         }
     }
 }
