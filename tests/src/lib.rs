@@ -2,15 +2,15 @@
 
 pub mod rule;
 
-use glam::DVec3;
+use glam::{DVec3, Vec2, Vec3};
 use host::measure::{Likeness, compare};
 use host::picture::Picture;
 use host::render::Renderer;
 use host::render::cpu::CpuRenderer;
-use host::render::plan::Plan;
+use host::render::plan::{Edges, Halftone, Plan, Projection};
 use host::render::truth::{Caster, Pinhole};
 use host::render::turn::Turn;
-use host::scene::{Scene, ShadedScene, Shading, shade};
+use host::scene::{Scene, ShadedScene, ShadedTriangle, Shading, shade};
 use host::seen::{Brightness, View, see};
 use protocol::rig::Rig;
 use std::path::{Path, PathBuf};
@@ -69,4 +69,43 @@ pub fn truth(scene: &ShadedScene, from: DVec3) -> Picture {
 pub fn measure(scene: &ShadedScene, rig: &Rig, turn: &Turn, from: DVec3) -> Likeness {
     let seen = see(rig, turn, &view(from), 4, Brightness::Divided, &|| ());
     compare(&seen, &truth(scene, from)).expect("pictures of one size")
+}
+
+/// A plan in single precision, with linear depth.
+pub fn plan(projection: Projection, edges: Edges, bow_px: f64) -> Plan {
+    Plan { projection, edges, bow_px, ..Plan::default() }
+}
+
+/// Slices of a turn that show every side.
+pub const SLICES: [u32; 3] = [3, 110, 230];
+
+/// Those slices in grey.
+pub fn grey_slices(scene: &ShadedScene, rig: &Rig, plan: &Plan, slices: &[u32]) -> Vec<Vec<u8>> {
+    let plan = Plan { halftone: Halftone::Grey, ..*plan };
+    let turn = CpuRenderer.render_slices(scene, rig, &plan, slices, &|| ()).unwrap();
+    slices.iter().map(|slice| turn.slice(*slice).to_vec()).collect()
+}
+
+/// Lit pixels of `exact`, and those in which `drawn` differs by more than rounding.
+pub fn differing(exact: &[Vec<u8>], drawn: &[Vec<u8>]) -> (usize, usize) {
+    let pairs = || exact.iter().flatten().zip(drawn.iter().flatten());
+    (
+        pairs().filter(|(exact, _)| **exact > 0).count(),
+        pairs().filter(|(exact, drawn)| exact.abs_diff(**drawn) > 2).count(),
+    )
+}
+
+/// A triangle of one luminance.
+pub fn triangle(positions: [[f32; 3]; 3], luminance: f32) -> ShadedTriangle {
+    ShadedTriangle {
+        positions: positions.map(Vec3::from),
+        radiance: [Vec3::splat(luminance); 3],
+        uv: [Vec2::ZERO; 3],
+        texture: None,
+    }
+}
+
+/// A scene of triangles without textures.
+pub fn scene_of(triangles: Vec<ShadedTriangle>) -> ShadedScene {
+    ShadedScene { triangles, textures: Vec::new() }
 }

@@ -14,7 +14,7 @@ use protocol::rig::Rig;
 use shaders::project::methods::Method;
 use shaders::project::{Model, Projected, SliceOptics, Visibility};
 use std::collections::HashMap;
-use tests::{bunny, rig, scene};
+use tests::{SLICES, bunny, differing, grey_slices, plan, rig, scene, scene_of, triangle};
 
 /// The largest bow left in a mesh, in pixels: along edges and inside pieces.
 #[derive(Clone, Copy, Debug, Default)]
@@ -92,9 +92,6 @@ fn pixels(corners: &[Projected], triangle: [u32; 3]) -> Option<[DVec2; 3]> {
     Some([a?, b?, c?])
 }
 
-fn plan(projection: Projection, edges: Edges, bow_px: f64) -> Plan {
-    Plan { projection, edges, bow_px, ..Plan::default() }
-}
 
 /// The triangles of a scene that have an edge longer than 12 mm.
 fn long(scene: &ShadedScene) -> ShadedScene {
@@ -190,22 +187,6 @@ fn no_crack_opens() {
 }
 
 /// Slices drawn by a plan, in grey.
-fn slices(scene: &ShadedScene, rig: &Rig, plan: &Plan, slices: &[u32]) -> Vec<Vec<u8>> {
-    let plan = Plan { halftone: Halftone::Grey, ..*plan };
-    let turn = CpuRenderer.render_slices(scene, rig, &plan, slices, &|| ()).unwrap();
-    slices.iter().map(|slice| turn.slice(*slice).to_vec()).collect()
-}
-
-/// Lit pixels of `exact`, and those in which `drawn` differs by more than rounding.
-fn differing(exact: &[Vec<u8>], drawn: &[Vec<u8>]) -> (usize, usize) {
-    let pairs = || exact.iter().flatten().zip(drawn.iter().flatten());
-    (
-        pairs().filter(|(exact, _)| **exact > 0).count(),
-        pairs().filter(|(exact, drawn)| exact.abs_diff(**drawn) > 2).count(),
-    )
-}
-
-const SLICES: [u32; 3] = [3, 110, 230];
 
 /// Every way of drawing against a ray for every pixel.
 #[test]
@@ -217,7 +198,7 @@ fn all_ways_draw_what_rays_find() {
             [("reference", Projection::ConeNewton), ("high-viewer", Projection::Planar), ("tent", Projection::ConeRoot)]
         {
             let rig = rig(rig_name);
-            let rays = slices(&scene, &rig, &plan(projection, Edges::Rays, 0.5), &SLICES);
+            let rays = grey_slices(&scene, &rig, &plan(projection, Edges::Rays, 0.5), &SLICES);
             for (edges, bow_px, precision, share) in [
                 (Edges::Straight, 0.5, Precision::Single, 0.3),
                 (Edges::Uniform, 0.5, Precision::Single, 0.02),
@@ -227,7 +208,7 @@ fn all_ways_draw_what_rays_find() {
                 (Edges::Discard, 2.0, Precision::Double, 0.0005),
             ] {
                 let plan = Plan { precision, ..plan(projection, edges, bow_px) };
-                let (lit, wrong) = differing(&rays, &slices(&scene, &rig, &plan, &SLICES));
+                let (lit, wrong) = differing(&rays, &grey_slices(&scene, &rig, &plan, &SLICES));
                 println!(
                     "{name} {rig_name} {projection:?} {edges:?} {bow_px} px {precision:?}: {wrong} of {lit} lit pixels \
                      differ, {:.3} %",
@@ -245,11 +226,11 @@ fn solids_have_no_holes() {
     let mut scene = scene("boxes");
     scene.triangles.iter_mut().for_each(|triangle| triangle.radiance = [Vec3::ONE; 3]);
     let rig = rig("reference");
-    let rays = slices(&scene, &rig, &plan(Projection::ConeNewton, Edges::Rays, 0.5), &SLICES);
+    let rays = grey_slices(&scene, &rig, &plan(Projection::ConeNewton, Edges::Rays, 0.5), &SLICES);
     for (edges, bow_px) in
         [(Edges::Straight, 0.5), (Edges::Uniform, 0.5), (Edges::Adaptive, 0.5), (Edges::Discard, 8.0)]
     {
-        let drawn = slices(&scene, &rig, &plan(Projection::ConeNewton, edges, bow_px), &SLICES);
+        let drawn = grey_slices(&scene, &rig, &plan(Projection::ConeNewton, edges, bow_px), &SLICES);
         let reach: i32 = if edges == Edges::Straight { 20 } else { 1 };
         let holes: usize = rays.iter().zip(&drawn).map(|(rays, drawn)| holes(rays, drawn, reach)).sum();
         assert_eq!(holes, 0, "{edges:?}");
@@ -267,19 +248,6 @@ fn holes(rays: &[u8], drawn: &[u8], reach: i32) -> usize {
     dark.filter(inner).count()
 }
 
-fn triangle(positions: [[f32; 3]; 3], luminance: f32) -> ShadedTriangle {
-    ShadedTriangle {
-        positions: positions.map(Vec3::from),
-        radiance: [Vec3::splat(luminance); 3],
-        uv: [Vec2::ZERO; 3],
-        texture: None,
-    }
-}
-
-fn scene_of(triangles: Vec<ShadedTriangle>) -> ShadedScene {
-    ShadedScene { triangles, textures: Vec::new() }
-}
-
 /// Two large triangles that cut through each other, nearly one on the other: where they meet, and not where pieces end in chords of
 /// their curved outlines.
 #[test]
@@ -289,11 +257,11 @@ fn exact_depth_finds_the_line_where_surfaces_meet() {
         triangle([[-0.045, 0.03, -0.001], [0.0, -0.05, 0.0005], [0.045, 0.035, 0.0]], 0.4),
     ]);
     let rig = rig("reference");
-    let rays = slices(&scene, &rig, &plan(Projection::ConeNewton, Edges::Rays, 0.5), &SLICES);
+    let rays = grey_slices(&scene, &rig, &plan(Projection::ConeNewton, Edges::Rays, 0.5), &SLICES);
     for bow_px in [0.5f64, 2.0] {
         let outlines: Vec<_> = SLICES.iter().map(|slice| outlines(&scene, &rig, *slice, bow_px.max(1.0))).collect();
         let away = |plan: &Plan| {
-            let drawn = slices(&scene, &rig, plan, &SLICES);
+            let drawn = grey_slices(&scene, &rig, plan, &SLICES);
             let pixels = rays.iter().flatten().zip(drawn.iter().flatten()).zip(outlines.iter().flatten());
             let wrong = pixels.filter(|((ray, drawn), _)| ray.abs_diff(**drawn) > 2);
             wrong.fold([0, 0], |[away, near], (_, outline)| if *outline { [away, near + 1] } else { [away + 1, near] })
@@ -333,195 +301,3 @@ fn outlines(scene: &ShadedScene, rig: &Rig, slice: u32, reach: f64) -> Vec<bool>
 }
 
 /// Needles, and triangles far larger than panel and reach, in every way, with rims of the panel across them.
-#[test]
-fn needles_and_walls_are_drawn() {
-    let wall = |luminance| {
-        vec![
-            triangle([[-2.0, -2.0, -0.02], [2.0, -2.0, 0.03], [2.0, 2.0, 0.01]], luminance),
-            triangle([[-2.0, -2.0, -0.02], [2.0, 2.0, 0.01], [-2.0, 2.0, -0.04]], luminance),
-        ]
-    };
-    let mut needles = vec![triangle([[-0.05, -0.03, 0.0], [0.05, 0.03, 0.01], [0.05, 0.0301, 0.0102]], 0.8)];
-    needles.push(triangle([[0.0, -0.05, 0.02], [0.0002, 0.05, 0.02], [0.003, -0.05, 0.018]], 0.6));
-    needles.push(triangle([[0.01, 0.0, 0.0], [0.01, 0.0, 0.0], [0.02, 0.0, 0.0]], 0.7));
-    for (name, triangles, at_least) in [("wall", wall(0.7), 500_000), ("needles", needles, 500)] {
-        let scene = scene_of(triangles);
-        for rig_name in ["reference", "tent"] {
-            let rig = rig(rig_name);
-            let rays = slices(&scene, &rig, &plan(Projection::Planar, Edges::Rays, 0.5), &SLICES);
-            for (edges, bow_px) in
-                [(Edges::Straight, 0.5), (Edges::Uniform, 0.5), (Edges::Adaptive, 0.5), (Edges::Discard, 8.0)]
-            {
-                let drawn = slices(&scene, &rig, &plan(Projection::Planar, edges, bow_px), &SLICES);
-                let (lit, wrong) = differing(&rays, &drawn);
-                println!("{name} {rig_name} {edges:?}: {wrong} of {lit} differ");
-                assert!(lit >= at_least);
-                if name == "wall" || edges == Edges::Discard {
-                    assert!(wrong * 100 < lit, "{name} {rig_name} {edges:?}: {wrong} of {lit}");
-                } else if edges != Edges::Straight {
-                    assert!(wrong * 2 < lit, "{name} {rig_name} {edges:?}: {wrong} of {lit}");
-                }
-            }
-        }
-    }
-}
-
-/// The reference rig for viewers at another height.
-fn seen_from(height_m: &str) -> Rig {
-    let reference = include_str!("../../host/rigs/reference.toml");
-    let moved = reference.replace("height_m = 0.35", &format!("height_m = {height_m}"));
-    assert_ne!(moved, reference);
-    Rig::parse(&moved).unwrap()
-}
-
-/// Where viewers look up at the display, sight lines are flat to the mirror: pieces are seen much larger, and have corners without a
-/// pixel.
-#[test]
-fn flat_sight_lines_are_drawn_as_rays_find_them() {
-    let scene = scene("boxes");
-    for (height_m, projection) in
-        [("-0.5", Projection::Planar), ("-0.8", Projection::Planar), ("-0.8", Projection::ConeNewton)]
-    {
-        let rig = seen_from(height_m);
-        let rays = slices(&scene, &rig, &plan(projection, Edges::Rays, 0.5), &SLICES);
-        for (edges, bow_px) in [(Edges::Adaptive, 0.5), (Edges::Discard, 8.0)] {
-            let plan = plan(projection, edges, bow_px);
-            let (lit, wrong) = differing(&rays, &slices(&scene, &rig, &plan, &SLICES));
-            let mesh = tessellate(&scene, &rig, &plan).unwrap();
-            let known = predict(&mesh, &rig, &plan).map(|known| known.error_px);
-            println!(
-                "{height_m} m {projection:?} {edges:?}: {wrong} of {lit} differ, {} triangles, expected {known:?} px",
-                mesh.triangles.len()
-            );
-            assert!(lit > 10_000 && wrong * 100 < lit, "{height_m} m {projection:?} {edges:?}: {wrong} of {lit}");
-            assert!(known.is_some() && mesh.triangles.len() < 50_000, "{height_m} m {projection:?} {edges:?}");
-        }
-    }
-}
-
-/// Where all sight lines graze the mirror, a slice shows a sheet of the scene that is thinner than the finest pieces. They cannot be
-/// drawn, and this is known: the planner takes rays.
-#[test]
-fn at_the_lit_limit_only_rays_are_trusted() {
-    let (scene, rig) = (scene("boxes"), seen_from("-0.893"));
-    let rays = slices(&scene, &rig, &plan(Projection::Planar, Edges::Rays, 0.5), &SLICES);
-    for (edges, bow_px) in
-        [(Edges::Straight, 0.5), (Edges::Uniform, 0.5), (Edges::Adaptive, 0.5), (Edges::Discard, 8.0)]
-    {
-        let plan = plan(Projection::Planar, edges, bow_px);
-        let mesh = tessellate(&scene, &rig, &plan).unwrap();
-        let (lit, wrong) = differing(&rays, &slices(&scene, &rig, &plan, &SLICES));
-        println!("{edges:?}: {wrong} of {lit} differ, {} triangles", mesh.triangles.len());
-        assert!(lit > 10_000 && wrong * 10 > lit, "{edges:?}: {wrong} of {lit}: no limit");
-        assert!(geometric_error(&mesh, &rig, &plan, 3000).lost > 0, "{edges:?}");
-        assert_eq!(predict(&mesh, &rig, &plan), None, "{edges:?}");
-        let fixed = Fixed { projection: Some(Projection::Planar), edges: Some(edges), ..Fixed::default() };
-        let chosen = choose(&scene, &rig, fixed, Budget::Error(1000.0));
-        assert_eq!(chosen.unwrap_err(), PlanError::Lost(rig.name.clone()), "{edges:?}");
-    }
-    let exact = Plan { precision: Precision::Double, ..plan(Projection::ConeRoot, Edges::Rays, 0.5) };
-    let exact = slices(&scene, &rig, &exact, &SLICES);
-    for budget in [Budget::Error(8.0), Budget::Cost(1e9)] {
-        let chosen = choose(&scene, &rig, Fixed::default(), budget).unwrap().chosen;
-        let (lit, wrong) = differing(&exact, &slices(&scene, &rig, &chosen.plan, &SLICES));
-        println!("{budget:?}: {}, {:.4} px, {wrong} of {lit} differ", chosen.plan, chosen.error_px);
-        assert!(chosen.plan.edges == Edges::Rays && wrong * 100 < lit, "{}: {wrong} of {lit}", chosen.plan);
-    }
-}
-
-/// On the way there, what is not drawn right is not trusted.
-#[test]
-fn toward_the_lit_limit_what_is_lost_is_known() {
-    let scene = scene("boxes");
-    for height_m in ["-0.84", "-0.86", "-0.875", "-0.885"] {
-        let rig = seen_from(height_m);
-        let rays = slices(&scene, &rig, &plan(Projection::ConeNewton, Edges::Rays, 0.5), &SLICES);
-        for (edges, bow_px) in [(Edges::Uniform, 0.5), (Edges::Adaptive, 0.5), (Edges::Discard, 8.0)] {
-            let plan = plan(Projection::ConeNewton, edges, bow_px);
-            let (lit, wrong) = differing(&rays, &slices(&scene, &rig, &plan, &SLICES));
-            let known = predict(&tessellate(&scene, &rig, &plan).unwrap(), &rig, &plan).map(|known| known.error_px);
-            println!("{height_m} m {edges:?}: {wrong} of {lit} differ, expected {known:?} px");
-            assert!(lit > 10_000 && (known.is_none() || wrong * 100 < lit), "{height_m} m {edges:?}: {wrong} of {lit}");
-        }
-    }
-}
-
-/// 18.8 px for 100 mm and 0.29 px for 12.5 mm, so 0.5 px at 16 mm, less a reserve.
-#[test]
-fn the_uniform_limit_is_what_the_prototype_measured() {
-    let limit_m = edge_limit_m(&rig("reference"), Model::Planar, 0.06, 0.5);
-    assert!((0.011..0.018).contains(&limit_m), "{limit_m}");
-}
-
-/// Where no symmetry helps.
-#[test]
-fn a_projector_off_the_axis_keeps_the_bound() {
-    let reference = include_str!("../../host/rigs/reference.toml");
-    let moved = reference.replace("[0.0, 0.6, 0.0]", "[0.05, 0.5, 0.02]");
-    assert_ne!(moved, reference);
-    let (rig, scene) = (Rig::parse(&moved).unwrap(), scene("boxes"));
-    for projection in [Projection::Planar, Projection::ConeRoot] {
-        for (edges, bow_px) in [(Edges::Uniform, 0.5), (Edges::Adaptive, 0.5), (Edges::Adaptive, 0.1)] {
-            let plan = plan(projection, edges, bow_px);
-            let bow = measured(&tessellate(&scene, &rig, &plan).unwrap(), &rig, &plan, 7);
-            println!("{projection:?} {edges:?} {bow_px} px: {bow:.3?}");
-            assert!(bow.largest() <= bow_px, "{projection:?} {edges:?} {bow_px}: {bow:?}");
-        }
-    }
-}
-
-/// A wall of 500 m costs no more than what of it lies within reach.
-#[test]
-fn a_wall_beyond_the_viewers_costs_little() {
-    let (low, high) = (-250.0, 250.0);
-    let scene = scene_of(vec![
-        triangle([[low, low, 0.0], [high, low, 0.0], [high, high, 0.0]], 1.0),
-        triangle([[low, low, 0.0], [high, high, 0.0], [low, high, 0.0]], 1.0),
-    ]);
-    let rig = rig("reference");
-    for projection in [Projection::Planar, Projection::ConeRoot] {
-        for (edges, bow_px) in [(Edges::Uniform, 0.5), (Edges::Adaptive, 0.5), (Edges::Discard, 8.0)] {
-            let mesh = tessellate(&scene, &rig, &plan(projection, edges, bow_px)).unwrap();
-            let edges_m = mesh.triangles.iter().flat_map(|triangle| {
-                let [a, b, c] = mesh.corners(triangle);
-                [a.distance(b), b.distance(c), c.distance(a)]
-            });
-            let longest_m = edges_m.fold(0.0, f64::max);
-            println!("{projection:?} {edges:?}: {} triangles, edges up to {longest_m:.3} m", mesh.triangles.len());
-            assert!((1..400_000).contains(&mesh.triangles.len()), "{projection:?} {edges:?}");
-            assert!(mesh.positions.len() < 400_000 && longest_m < 0.15, "{projection:?} {edges:?}: {longest_m} m");
-        }
-    }
-    let [rays, adaptive] = [Edges::Rays, Edges::Adaptive]
-        .map(|edges| slices(&scene, &rig, &plan(Projection::Planar, edges, 0.5), &SLICES[..1]));
-    let (lit, wrong) = differing(&rays, &adaptive);
-    assert!(lit > 100_000 && wrong * 100 < lit, "{wrong} of {lit}");
-}
-
-#[test]
-fn what_is_out_of_sight_is_known() {
-    let at = |x: f32, y: f32| scene_of(vec![triangle([[x, y, 0.0], [x + 0.02, y, 0.0], [x, y + 0.02, 0.01]], 1.0)]);
-    for name in ["reference", "high-viewer", "tent"] {
-        let rig = rig(name);
-        for (scene, expected) in [
-            (at(0.0, 0.0), true),
-            (at(5.0, 0.0), false),
-            (at(0.0, 0.5), false),
-            (at(0.5, 0.0), false),
-            (scene_of(Vec::new()), false),
-        ] {
-            assert_eq!(anything_visible(&scene, &rig), expected, "{name} {:?}", scene.triangles);
-            let all: Vec<u32> = (0..288).step_by(9).collect();
-            let lit = slices(&scene, &rig, &Plan::default(), &all).concat().into_iter().any(|value| value > 0);
-            assert_eq!(lit, expected, "{name} {:?}", scene.triangles);
-        }
-    }
-    // What only just reaches the panel's rim is no false alarm: wherever something is lit, it is known.
-    let rig = rig("reference");
-    for step in 0..40u8 {
-        let scene = at(0.0, 0.05 + 0.005 * f32::from(step));
-        let all: Vec<u32> = (0..288).step_by(9).collect();
-        let lit = slices(&scene, &rig, &Plan::default(), &all).concat().into_iter().any(|value| value > 0);
-        assert!(!lit || anything_visible(&scene, &rig), "{step}");
-    }
-}

@@ -13,7 +13,7 @@ use crate::rigs;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Render one turn of a scene and search its bits over all slices together: minutes, for content that stays
+/// Render one turn of a scene and search its bits over all slices together, for content that stays: half a minute and more
 #[derive(clap::Args)]
 #[command(after_help = "Example: praxi bake builtin --rig reference --out turn\n\
     Stopped, it goes on where it was when the same command is given again: the work is saved in DIR.bake until it is done.")]
