@@ -79,7 +79,7 @@ pub fn plan(projection: Projection, edges: Edges, bow_px: f64) -> Plan {
 /// Slices of a turn that show every side.
 pub const SLICES: [u32; 3] = [3, 110, 230];
 
-/// Those slices in grey.
+/// Slices drawn by a plan, in grey.
 pub fn grey_slices(scene: &ShadedScene, rig: &Rig, plan: &Plan, slices: &[u32]) -> Vec<Vec<u8>> {
     let plan = Plan { halftone: Halftone::Grey, ..*plan };
     let turn = CpuRenderer.render_slices(scene, rig, &plan, slices, &|| ()).unwrap();

@@ -1,14 +1,9 @@
 //! How edges are brought to the curves that the optics make of them: the bow that is left, and with how many triangles.
 
-use glam::{DVec2, DVec3, Vec2, Vec3};
-use host::render::bow::edge_limit_m;
-use host::render::cpu::CpuRenderer;
+use glam::{DVec2, DVec3, Vec3};
 use host::render::mesh::Mesh;
-use host::render::plan::choose::{Budget, Fixed, PlanError, choose, predict};
-use host::render::plan::error::geometric_error;
-use host::render::plan::{DepthTest, Edges, Halftone, Plan, Precision, Projection};
+use host::render::plan::{DepthTest, Edges, Plan, Precision, Projection};
 use host::render::tessellate::tessellate;
-use host::render::{Renderer, anything_visible};
 use host::scene::{ShadedScene, ShadedTriangle};
 use protocol::rig::Rig;
 use shaders::project::methods::Method;
@@ -91,7 +86,6 @@ fn pixels(corners: &[Projected], triangle: [u32; 3]) -> Option<[DVec2; 3]> {
     let [a, b, c] = triangle.map(|corner| corners[corner as usize].pixel);
     Some([a?, b?, c?])
 }
-
 
 /// The triangles of a scene that have an edge longer than 12 mm.
 fn long(scene: &ShadedScene) -> ShadedScene {
@@ -185,8 +179,6 @@ fn no_crack_opens() {
         }
     }
 }
-
-/// Slices drawn by a plan, in grey.
 
 /// Every way of drawing against a ray for every pixel.
 #[test]
@@ -300,4 +292,19 @@ fn outlines(scene: &ShadedScene, rig: &Rig, slice: u32, reach: f64) -> Vec<bool>
     near
 }
 
-/// Needles, and triangles far larger than panel and reach, in every way, with rims of the panel across them.
+/// Where no symmetry helps.
+#[test]
+fn a_projector_off_the_axis_keeps_the_bound() {
+    let reference = include_str!("../../host/rigs/reference.toml");
+    let moved = reference.replace("[0.0, 0.6, 0.0]", "[0.05, 0.5, 0.02]");
+    assert_ne!(moved, reference);
+    let (rig, scene) = (Rig::parse(&moved).unwrap(), scene("boxes"));
+    for projection in [Projection::Planar, Projection::ConeRoot] {
+        for (edges, bow_px) in [(Edges::Uniform, 0.5), (Edges::Adaptive, 0.5), (Edges::Adaptive, 0.1)] {
+            let plan = plan(projection, edges, bow_px);
+            let bow = measured(&tessellate(&scene, &rig, &plan).unwrap(), &rig, &plan, 7);
+            println!("{projection:?} {edges:?} {bow_px} px: {bow:.3?}");
+            assert!(bow.largest() <= bow_px, "{projection:?} {edges:?} {bow_px}: {bow:?}");
+        }
+    }
+}
