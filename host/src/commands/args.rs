@@ -208,6 +208,11 @@ impl PictureArgs {
     }
 }
 
+/// An error in pixels, as people read it.
+pub(super) fn pixels(error: f64) -> String {
+    if error < 0.01 { format!("{error:.0e}") } else { format!("{error:.3}") }
+}
+
 /// A budget.
 fn budget(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "must be a number above 0".to_string())?;

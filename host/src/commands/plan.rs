@@ -1,6 +1,6 @@
 //! `praxi plan`: which methods a turn would be rendered by, and why.
 
-use super::args::{PlanArgs, SceneArgs};
+use super::args::{PlanArgs, SceneArgs, pixels};
 use super::{Failure, say, say_json};
 use crate::render::cpu::CpuRenderer;
 use crate::render::plan::Plan;
@@ -41,7 +41,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
         Err(error) => Err(error),
     };
     let (better, cheaper) = (other(chosen.error_px / 2.0)?, other(chosen.error_px * 2.0)?);
-    let cheaper = cheaper.filter(|cheaper| cheaper.cost_ms < chosen.cost_ms);
+    let cheaper = cheaper.filter(|cheaper| cheaper.cost_ms < 0.99 * chosen.cost_ms);
     if args.json {
         say_json(&json!({
             "scene": args.scene.scene, "rig": rig.name, "ms_per_cost": scale, "chosen": chosen,
@@ -65,9 +65,9 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     }
     let versus = |what: &str, other: Option<Candidate>| match other {
         Some(other) => format!(
-            "next {what}: {} with {:.3} px for {:.2} x the time",
+            "next {what}: {} with {} px for {:.2} x the time",
             other.plan,
-            other.error_px,
+            pixels(other.error_px),
             other.cost_ms / chosen.cost_ms
         ),
         None => format!("next {what}: none"),
@@ -79,9 +79,9 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
 
 fn line(candidate: &Candidate, scale: f64) -> String {
     format!(
-        "{:<51} {:>7.4} {:>6.3} {:>6.0} {:>7}",
+        "{:<51} {:>7} {:>6.3} {:>6.0} {:>7}",
         candidate.plan.to_string(),
-        candidate.error_px,
+        pixels(candidate.error_px),
         candidate.error_arcmin,
         candidate.cost_ms * scale,
         candidate.work.triangles_a_slice

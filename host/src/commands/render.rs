@@ -1,6 +1,6 @@
 //! `praxi render`: one turn of a scene, as a folder.
 
-use super::args::{PlanArgs, SceneArgs, progress};
+use super::args::{PlanArgs, SceneArgs, pixels, progress};
 use super::{Failure, say, say_json};
 use crate::output::Folder;
 use crate::render::Renderer;
@@ -62,7 +62,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     } else {
         let kind = if plan.halftone == Halftone::Grey { "grey slices" } else { "frames of 24 slices" };
         say(format!("{}: {pictures} {kind}, {:.1} % lit", args.out.display(), lit * 100.0));
-        say(format!("by {plan}: within {:.2} px, {} triangles", chosen.error_px, chosen.work.triangles_a_slice));
+        say(format!("by {plan}: within {} px, {} triangles", pixels(chosen.error_px), chosen.work.triangles_a_slice));
     }
     Ok(())
 }

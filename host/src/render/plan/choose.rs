@@ -242,7 +242,19 @@ impl<'a> Chooser<'a> {
     }
 
     fn cheapest_within(&self, px: f64) -> Result<Choice, PlanError> {
-        let candidates = self.candidates(px)?;
+        let mut candidates = self.candidates(px)?;
+        // Smaller pieces fill the boxes around them better, so that half the error may cost less.
+        let is_cut =
+            |one: &&Candidate| matches!(one.plan.edges, Edges::Uniform | Edges::Adaptive) && one.error_px <= px;
+        if let Some(cut) = candidates.iter().find(is_cut).copied() {
+            let same = |way: &&Candidate| {
+                (way.plan.projection, way.plan.precision) == (cut.plan.projection, cut.plan.precision)
+            };
+            if let Some(way) = self.ways.iter().find(same) {
+                candidates.extend(self.by_edges(way, cut.plan.edges, px / 2.0)?);
+                candidates.sort_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
+            }
+        }
         let chosen = candidates.iter().find(|candidate| candidate.error_px <= px).copied();
         let Some(chosen) = chosen else {
             let Some(best) = most_accurate(&candidates) else {
