@@ -9,7 +9,7 @@ use host::scene::{Scene, ShadedScene, Shading, shade};
 use protocol::rig::Rig;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use tests::{builtin, bunny, rig};
+use tests::{builtin, bunny, rig, scene_of, triangle};
 
 fn boxes() -> ShadedScene {
     shade(&Scene::load("boxes").expect("built in"), Shading::Lambert, false)
@@ -180,4 +180,14 @@ fn a_larger_time_budget_never_buys_a_larger_error() {
     let errors: Vec<f64> =
         [1e2, 5e3, 1e6].into_iter().filter_map(within).map(|choice| choice.chosen.error_px).collect();
     assert!(errors.len() > 1 && errors.is_sorted_by(|a, b| a >= b), "{errors:?}");
+}
+
+/// A wall through the display that passes its viewers: pieces of it have no pixel for some, which a sample need not meet.
+#[test]
+fn a_scene_that_passes_the_viewers_is_drawn_by_rays() {
+    for side in [1.0, 10.0, 1000.0] {
+        let wall = scene_of(vec![triangle([[-side, -side, 0.0], [side, -side, 0.0003], [0.0, side, -0.0002]], 0.8)]);
+        let plan = chosen(&wall, &rig("reference"), 0.5).unwrap();
+        assert_eq!((plan.edges, plan.projection), (Edges::Rays, Projection::ConeRoot), "{side} m");
+    }
 }

@@ -147,7 +147,7 @@ fn times(
     done: &mut dyn FnMut(f64),
 ) -> Result<Vec<(f64, f64)>, RenderError> {
     let (rounds, slices_max, allowed_s) = match effort {
-        Effort::Quick => (2, 8, 0.08),
+        Effort::Quick => (3, 8, 0.05),
         Effort::Full => (5, 24, 0.5),
     };
     let all = job.rig.rotation.slices;

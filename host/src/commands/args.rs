@@ -141,8 +141,8 @@ impl PlanArgs {
         };
         let ms_per_cost = ms_per_cost(&CpuRenderer, scene, rig)?;
         let choice = self.with_budget(scene, rig, Budget::Cost(ms / ms_per_cost)).map_err(|error| match error {
-            PlanError::TooFast { asked, possible, fastest } => {
-                PlanError::TooFast { asked: asked * ms_per_cost, possible: possible * ms_per_cost, fastest }
+            PlanError::TooFast { possible, fastest, .. } => {
+                PlanError::TooFast { asked: ms, possible: possible * ms_per_cost, fastest }
             }
             other => other,
         })?;

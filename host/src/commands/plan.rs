@@ -61,7 +61,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     };
     for candidate in candidates.iter().filter(|one| same(one) || !is_beaten(one)) {
         let mark = if same(candidate) { '>' } else { ' ' };
-        say(format!("{mark}{}", line(candidate, scale)));
+        say(format!("{mark}{}", line(if same(candidate) { &chosen } else { candidate }, scale)));
     }
     let versus = |what: &str, other: Option<Candidate>| match other {
         Some(other) => format!(

@@ -6,10 +6,10 @@ use super::{DepthTest, Edges, Halftone, Plan, Precision, Projection};
 use crate::render::cpu::CpuRenderer;
 use crate::render::mesh::Mesh;
 use crate::render::tessellate::tessellate;
-use crate::render::{RenderError, Renderer};
+use crate::render::{RenderError, Renderer, anything_visible};
 use crate::scene::ShadedScene;
 use glam::DVec2;
-use protocol::rig::Rig;
+use protocol::rig::{Rig, Viewers};
 use serde::Serialize;
 use shaders::project::{Model, SliceOptics};
 use thiserror::Error;
@@ -163,6 +163,8 @@ struct Chooser<'a> {
     rig: &'a Rig,
     fixed: Fixed,
     straight: Mesh,
+    /// Whether the scene passes the viewers: only rays are weighed.
+    near_viewers: bool,
     /// Each with the error of its projection alone, by rays.
     ways: Vec<Candidate>,
 }
@@ -183,9 +185,14 @@ impl<'a> Chooser<'a> {
             fixed.projection.is_none_or(|fixed| fixed == plan.projection)
                 && fixed.precision.is_none_or(|fixed| fixed == plan.precision)
         });
-        let mut ways: Vec<Candidate> = ways.filter_map(|plan| predict(&straight, rig, &plan)).collect();
+        let near_viewers = reaches_viewers(scene, rig);
+        // Rays cost the same by every projection, and far points take long: where only rays will do, by the exact one if it is allowed.
+        let mut ways: Vec<Candidate> = match near_viewers.then(|| exact(scene, rig, &straight, fixed)) {
+            Some(Ok(exact)) => vec![exact],
+            _ => ways.filter_map(|plan| predict(&straight, rig, &plan)).collect(),
+        };
         if ways.is_empty() {
-            return Err(PlanError::NothingVisible(rig.name.clone()));
+            ways.push(exact(scene, rig, &straight, fixed)?);
         }
         ways.sort_by(|a, b| vertex_ns(&a.plan).total_cmp(&vertex_ns(&b.plan)));
         let mut best = f64::INFINITY;
@@ -194,7 +201,7 @@ impl<'a> Chooser<'a> {
             best = best.min(way.error_px);
             better
         });
-        Ok(Self { scene, rig, fixed, straight, ways })
+        Ok(Self { scene, rig, fixed, straight, near_viewers, ways })
     }
 
     /// Every way, by straight and by cut edges, by the test by pixel and by rays; edges are cut so that all errors together keep
@@ -203,6 +210,9 @@ impl<'a> Chooser<'a> {
         let mut candidates = Vec::new();
         for way in &self.ways {
             for edges in Edges::ALL {
+                if self.near_viewers && edges != Edges::Rays {
+                    continue;
+                }
                 // Cutting to one length costs more than adaptive cutting wherever both will do: only on demand.
                 let weighed = self.fixed.edges.map_or(edges != Edges::Uniform, |fixed| fixed == edges);
                 if weighed {
@@ -255,14 +265,22 @@ impl<'a> Chooser<'a> {
                 candidates.sort_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
             }
         }
-        let chosen = candidates.iter().find(|candidate| candidate.error_px <= px).copied();
+        // Exact depth, where it is needed, may make dearer what was cheapest.
+        let mut chosen: Option<Candidate> = None;
+        for candidate in candidates.iter().filter(|candidate| candidate.error_px <= px) {
+            if chosen.is_some_and(|chosen| chosen.cost_ms <= candidate.cost_ms) {
+                break;
+            }
+            let candidate = self.with_depth(*candidate)?;
+            chosen = chosen.filter(|chosen| chosen.cost_ms <= candidate.cost_ms).or(Some(candidate));
+        }
         let Some(chosen) = chosen else {
             let Some(best) = most_accurate(&candidates) else {
                 return Err(PlanError::Lost(self.rig.name.clone()));
             };
             return Err(PlanError::TooAccurate { asked: px, reached: best.error_px, best: best.plan.to_string() });
         };
-        Ok(Choice { chosen: self.with_depth(chosen)?, candidates })
+        Ok(Choice { chosen, candidates })
     }
 
     /// `candidate` with exact depth if that is needed: if surfaces come so close that it changes a sample of slices.
@@ -315,6 +333,36 @@ impl<'a> Chooser<'a> {
         let exact = self.with_depth(chosen)?;
         Ok(Choice { chosen: if exact.cost_ms <= ms { exact } else { chosen }, candidates })
     }
+}
+
+/// Rays by the reference itself, for scenes of which so little is visible that no sample meets it.
+fn exact(scene: &ShadedScene, rig: &Rig, straight: &Mesh, fixed: Fixed) -> Result<Candidate, PlanError> {
+    if !anything_visible(scene, rig) {
+        return Err(PlanError::NothingVisible(rig.name.clone()));
+    }
+    let plan = Plan {
+        projection: Projection::ConeRoot,
+        precision: Precision::Double,
+        edges: Edges::Rays,
+        depth: DepthTest::Exact,
+        ..Plan::default()
+    };
+    let is_allowed = fixed.projection.is_none_or(|projection| projection == plan.projection)
+        && fixed.precision.is_none_or(|precision| precision == plan.precision);
+    if !is_allowed {
+        return Err(PlanError::Lost(rig.name.clone()));
+    }
+    let work = Work::of(straight, rig);
+    let cost_ms = turn_ns(&plan, &work) / 1e6;
+    Ok(Candidate { plan, error_px: FLOOR_PX, error_arcmin: 0.0, depth_m: 0.0, cost_ms, work })
+}
+
+/// Whether `scene` comes so near to where viewers are that pieces of it pass them, which only rays draw right.
+fn reaches_viewers(scene: &ShadedScene, rig: &Rig) -> bool {
+    let Viewers::Circle { distance_m, .. } = rig.viewers() else { return false };
+    let corners = scene.triangles.iter().flat_map(|triangle| triangle.positions);
+    let radius = corners.map(|position| position.with_y(0.0).length()).fold(0.0, f32::max);
+    f64::from(radius) > 0.9 * distance_m
 }
 
 /// The first, which is the cheapest, of those with the smallest error.
