@@ -152,30 +152,39 @@ fn times(
     };
     let all = job.rig.rotation.slices;
     let spread = |count: u32| (0..count).map(|index| index * all / count).collect::<Vec<_>>();
-    let timed = |plan: &Plan, slices: &[u32]| -> Result<(f64, f64), RenderError> {
+    // Milliseconds for cutting the scene, and for cutting it and drawing some slices.
+    let timed = |plan: &Plan, count: u32| -> Result<(f64, f64), RenderError> {
         let start = Instant::now();
         tessellate(job.scene, job.rig, plan)?;
-        let cut = start.elapsed().as_secs_f64();
+        let cut_ms = start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
-        CpuRenderer.render_slices(job.scene, job.rig, plan, slices, &|| ())?;
-        let slices_s = (start.elapsed().as_secs_f64() - cut).max(0.0) / slices.len() as f64;
-        Ok(((cut + slices_s * f64::from(all)) * 1e3, cut * 1e3))
+        CpuRenderer.render_slices(job.scene, job.rig, plan, &spread(count), &|| ())?;
+        Ok((cut_ms, start.elapsed().as_secs_f64() * 1e3))
+    };
+    // Differences of medians: the difference of two single times may be anything where cutting takes most of both.
+    let turn_ms = |cut_ms: f64, drawn_ms: f64, count: u32| {
+        cut_ms + (drawn_ms - cut_ms).max(0.0) * f64::from(all) / f64::from(count)
     };
     let threads = rayon::current_num_threads() as u32;
     let mut counts = Vec::new();
     for plan in plans {
-        let (turn_ms, _) = timed(plan, &spread(threads))?;
-        let affordable = (allowed_s * 1e3 * f64::from(all) / turn_ms) as u32 / threads * threads;
+        let (cut_ms, drawn_ms) = timed(plan, threads)?;
+        let affordable =
+            (allowed_s * 1e3 * f64::from(all) / turn_ms(cut_ms, drawn_ms, threads)) as u32 / threads * threads;
         counts.push(affordable.clamp(threads, slices_max.max(threads)));
     }
     let mut samples = vec![(Vec::new(), Vec::new()); plans.len()];
     for round in 0..rounds {
         for (index, plan) in plans.iter().enumerate() {
-            let (turn_ms, cut_ms) = timed(plan, &spread(counts[index]))?;
-            samples[index].0.push(turn_ms);
-            samples[index].1.push(cut_ms);
+            let (cut_ms, drawn_ms) = timed(plan, counts[index])?;
+            samples[index].0.push(cut_ms);
+            samples[index].1.push(drawn_ms);
         }
         done((f64::from(round) + 1.0) / f64::from(rounds));
     }
-    Ok(samples.iter_mut().map(|(turns, cuts)| (median(turns), median(cuts))).collect())
+    let medians = samples.iter_mut().zip(counts).map(|((cuts, drawn), count)| {
+        let cut_ms = median(cuts);
+        (turn_ms(cut_ms, median(drawn), count), cut_ms)
+    });
+    Ok(medians.collect())
 }

@@ -1,5 +1,5 @@
-//! A turn of grey slices becomes binary: each slice by itself, or each with what the slice before it shows on the same
-//! sight lines.
+//! A turn of grey slices becomes binary: each slice by itself, with what the slice before it shows on the same sight lines, or all of
+//! them together.
 
 use super::blur::eye_blur;
 use super::cpu::owner;

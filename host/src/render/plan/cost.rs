@@ -97,8 +97,9 @@ fn panel_px(rig: &Rig) -> f64 {
 
 /// Nanoseconds of one core for a turn by `plan`, without its halftone.
 ///
-/// The prices are least-squares fits to a chart's times on the machine that made it (`praxi chart` prints its own fit); other machines
-/// differ by a factor that [`crate::render::plan::choose`] measures where milliseconds are asked for.
+/// The prices are a least-squares fit to the times of 480 turns by all methods on one machine; a chart's `predicted_ratio` beside its
+/// `ratio` shows how well they hold. Other machines differ by a factor that [`crate::render::plan::speed`] measures where milliseconds
+/// are asked for.
 pub fn turn_ns(plan: &Plan, work: &Work) -> f64 {
     let prices = Prices::of(plan);
     prices.vertex * work.vertices
