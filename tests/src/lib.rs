@@ -6,7 +6,7 @@ use glam::{DVec3, Vec2, Vec3};
 use host::measure::{Likeness, compare};
 use host::picture::Picture;
 use host::render::Renderer;
-use host::render::cpu::CpuRenderer;
+use host::render::clear::ClearRenderer;
 use host::render::plan::{Edges, Halftone, Plan, Projection};
 use host::render::truth::{Caster, Pinhole};
 use host::render::turn::Turn;
@@ -51,7 +51,7 @@ pub fn scene(name: &str) -> ShadedScene {
 
 /// One turn by `plan`.
 pub fn turn(scene: &ShadedScene, rig: &Rig, plan: &Plan) -> Turn {
-    CpuRenderer.render_turn(scene, rig, plan, &|| ()).expect("a scene of moderate size")
+    ClearRenderer.render_turn(scene, rig, plan, &|| ()).expect("a scene of moderate size")
 }
 
 /// The measure's view from `from`: a window of 130 mm, 256 × 256 pixels of 4 × 4 rays.
@@ -82,7 +82,7 @@ pub const SLICES: [u32; 3] = [3, 110, 230];
 /// Slices drawn by a plan, in grey.
 pub fn grey_slices(scene: &ShadedScene, rig: &Rig, plan: &Plan, slices: &[u32]) -> Vec<Vec<u8>> {
     let plan = Plan { halftone: Halftone::Grey, ..*plan };
-    let turn = CpuRenderer.render_slices(scene, rig, &plan, slices, &|| ()).unwrap();
+    let turn = ClearRenderer.render_slices(scene, rig, &plan, slices, &|| ()).unwrap();
     slices.iter().map(|slice| turn.slice(*slice).to_vec()).collect()
 }
 

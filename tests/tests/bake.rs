@@ -3,7 +3,7 @@
 use glam::DVec3;
 use host::bake::Bake;
 use host::render::Renderer;
-use host::render::cpu::CpuRenderer;
+use host::render::clear::ClearRenderer;
 use host::render::plan::{Halftone, Plan, Projection};
 use host::render::turn::Turn;
 use host::scene::ShadedScene;
@@ -26,7 +26,7 @@ fn figures(scene: &ShadedScene, projection: Projection) -> [f64; 4] {
     let sector: Vec<u32> = (0..20).chain(rig.rotation.slices - 20..rig.rotation.slices).collect();
     let render = |halftone| {
         let plan = Plan { projection, halftone, ..Plan::default() };
-        CpuRenderer.render_slices(scene, &rig, &plan, &sector, &|| ()).expect("a scene of moderate size")
+        ClearRenderer.render_slices(scene, &rig, &plan, &sector, &|| ()).expect("a scene of moderate size")
     };
     let grey = render(Halftone::Grey);
     let folder = tempfile::tempdir().expect("a folder");

@@ -161,7 +161,7 @@ fn no_slice_bows_more_than_asked() {
 /// In a closed solid every edge is run through as often one way as the other; so are the edges of its pieces.
 #[test]
 fn no_crack_opens() {
-    for name in ["boxes", "builtin", "knot"] {
+    for name in ["boxes", "builtin", "knot-5k"] {
         for edges in [Edges::Straight, Edges::Uniform, Edges::Adaptive, Edges::Discard] {
             let scene = scene(name);
             let mesh = tessellate(&scene, &rig("high-viewer"), &plan(Projection::ConeNewton, edges, 0.5)).unwrap();

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use host::measure::{compare, flicker};
 use host::render::Renderer;
-use host::render::cpu::CpuRenderer;
+use host::render::clear::ClearRenderer;
 use host::render::halftone::{halftone_slices, slices_read};
 use host::render::plan::{Halftone, Plan, Projection};
 use host::render::turn::Turn;
@@ -29,7 +29,7 @@ impl Bench {
     fn new(scene: &ShadedScene, rig: Rig, projection: Projection) -> Self {
         let plan = Plan { projection, halftone: Halftone::Grey, ..Plan::default() };
         let read = slices_read(&rig, &slices());
-        let grey = CpuRenderer.render_slices(scene, &rig, &plan, &read, &|| ()).expect("a scene of moderate size");
+        let grey = ClearRenderer.render_slices(scene, &rig, &plan, &read, &|| ()).expect("a scene of moderate size");
         let height = rig.viewing.height_m.expect("a rig with a circle");
         let at = |azimuth: f64| DVec3::new(0.9 * azimuth.to_radians().sin(), height, 0.9 * azimuth.to_radians().cos());
         let eyes: Vec<_> = [0.64, 3.1, -4.4].map(|azimuth| view(at(azimuth))).into();

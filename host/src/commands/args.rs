@@ -2,7 +2,9 @@
 
 use super::{Failure, warn};
 use crate::picture::Picture;
-use crate::render::cpu::CpuRenderer;
+use crate::render::Renderer;
+use crate::render::clear::ClearRenderer;
+use crate::render::pick::{Asked, pick};
 use crate::render::plan::choose::{Budget, Choice, Fixed, PlanError, choose};
 use crate::render::plan::speed::ms_per_cost;
 use crate::render::plan::{DepthTest, Edges, Precision, Projection};
@@ -19,7 +21,7 @@ use std::path::PathBuf;
 /// A scene and how it is lit.
 #[derive(clap::Args)]
 pub(super) struct SceneArgs {
-    /// A .gltf, .glb, .obj or .ply file in metres, or `builtin`, `boxes` or `knot`
+    /// A .gltf, .glb, .obj or .ply file in metres, or `builtin`, `boxes`, `knot-5k`, `knot-20k` or `knot-70k`
     pub scene: String,
     /// Centre the bounding box at the origin and scale its largest extent to M metres
     #[arg(long, value_name = "M", value_parser = positive, allow_negative_numbers = true)]
@@ -139,7 +141,7 @@ impl PlanArgs {
                 choice => planned(choice?, None),
             };
         };
-        let ms_per_cost = ms_per_cost(&CpuRenderer, scene, rig)?;
+        let ms_per_cost = ms_per_cost(&ClearRenderer, scene, rig)?;
         let choice = self.with_budget(scene, rig, Budget::Cost(ms / ms_per_cost)).map_err(|error| match error {
             PlanError::TooFast { possible, fastest, .. } => {
                 PlanError::TooFast { asked: ms, possible: possible * ms_per_cost, fastest }
@@ -153,6 +155,28 @@ impl PlanArgs {
     pub(super) fn with_budget(&self, scene: &ShadedScene, rig: &Rig, budget: Budget) -> Result<Choice, PlanError> {
         let Self { projection, precision, edges, depth, .. } = *self;
         choose(scene, rig, Fixed { projection, precision, edges, depth }, budget)
+    }
+}
+
+/// Who renders.
+#[derive(clap::Args)]
+pub(super) struct RendererArgs {
+    /// Who renders
+    #[arg(long, value_enum, default_value = "auto")]
+    pub renderer: Asked,
+    /// The GPU whose name contains NAME, in any case
+    #[arg(long, value_name = "NAME")]
+    pub adapter: Option<String>,
+}
+
+impl RendererArgs {
+    /// The renderer; a warning where the GPU that was asked for cannot be had.
+    pub(super) fn open(&self) -> Box<dyn Renderer> {
+        let (renderer, error) = pick(self.renderer, self.adapter.as_deref());
+        if let Some(error) = error {
+            warn(format!("{error}: rendering on the CPU"));
+        }
+        renderer
     }
 }
 

@@ -5,7 +5,7 @@ use super::{Failure, say, say_json, warn};
 use crate::bake::{Bake, Found};
 use crate::output::Folder;
 use crate::render::Renderer;
-use crate::render::cpu::CpuRenderer;
+use crate::render::clear::ClearRenderer;
 use crate::render::joint::SWEEPS;
 use crate::render::plan::{Halftone, Plan};
 use crate::rendered::{Method, Rotation, SceneNote, write};
@@ -45,7 +45,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let chosen = args.plan.choose(&shaded, &rig)?.choice.chosen;
     let plan = Plan { halftone: Halftone::Grey, ..chosen.plan };
     let bar = progress("rendering slices", rig.rotation.slices.into());
-    let grey = CpuRenderer.render_turn(&shaded, &rig, &plan, &|| bar.inc(1))?;
+    let grey = ClearRenderer.render_turn(&shaded, &rig, &plan, &|| bar.inc(1))?;
     bar.finish_and_clear();
     let (mut bake, found) = Bake::begin(&rig, &grey, args.sweeps, &args.out)?;
     let [searched, slices] = bake.progress();

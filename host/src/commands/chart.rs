@@ -16,8 +16,8 @@ use std::path::PathBuf;
     after_help = "Example: praxi chart --quick --out chart\n         praxi chart builtin bunny.obj --rig reference --out chart"
 )]
 pub(super) struct Args {
-    /// .gltf, .glb, .obj or .ply files, builtin, boxes, knot
-    #[arg(default_values = ["builtin", "boxes", "knot"])]
+    /// .gltf, .glb, .obj or .ply files, builtin, boxes, knot-5k, knot-20k, knot-70k
+    #[arg(default_values = ["builtin", "boxes", "knot-5k"])]
     scenes: Vec<String>,
     /// Rig files, or reference, reference-180hz, high-viewer, tent
     #[arg(long = "rig", value_name = "RIG", default_values = ["reference", "high-viewer", "tent"])]

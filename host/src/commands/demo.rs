@@ -7,7 +7,7 @@ use super::args::{DEFAULT_BUDGET_PX, progress};
 use super::{Failure, say, say_json, sim, warn};
 use crate::output::Folder;
 use crate::render::Renderer;
-use crate::render::cpu::CpuRenderer;
+use crate::render::clear::ClearRenderer;
 use crate::render::plan::Plan;
 use crate::render::plan::choose::{Budget, Fixed, choose};
 use crate::render::turn::Turn;
@@ -102,7 +102,7 @@ fn render(scene: &Scene, rig: &Rig, plan: &Plan) -> Result<Vec<Turn>, Failure> {
     let mut turns = Vec::new();
     for degrees in SWING_DEG {
         let lit = shade(&turned(scene, degrees), Shading::Lambert, false);
-        turns.push(CpuRenderer.render_turn(&lit, rig, plan, &|| bar.inc(1))?);
+        turns.push(ClearRenderer.render_turn(&lit, rig, plan, &|| bar.inc(1))?);
     }
     bar.finish_and_clear();
     Ok(turns)

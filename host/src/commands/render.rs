@@ -1,10 +1,8 @@
 //! `praxi render`: one turn of a scene, as a folder.
 
-use super::args::{PlanArgs, SceneArgs, pixels, progress};
+use super::args::{PlanArgs, RendererArgs, SceneArgs, pixels, progress};
 use super::{Failure, say, say_json};
 use crate::output::Folder;
-use crate::render::Renderer;
-use crate::render::cpu::CpuRenderer;
 use crate::render::plan::{Halftone, Plan};
 use crate::rendered::{Method, Rotation, SceneNote, write};
 use crate::rigs;
@@ -25,6 +23,8 @@ pub(super) struct Args {
     out: PathBuf,
     #[command(flatten)]
     plan: PlanArgs,
+    #[command(flatten)]
+    renderer: RendererArgs,
     /// How luminance becomes bits
     #[arg(long, value_enum, default_value = "optimised-diffusion")]
     halftone: Halftone,
@@ -41,7 +41,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let chosen = args.plan.choose(&shaded, &rig)?.choice.chosen;
     let plan = Plan { halftone: args.halftone, ..chosen.plan };
     let bar = progress("rendering slices", rig.rotation.slices.into());
-    let turn = CpuRenderer.render_turn(&shaded, &rig, &plan, &|| bar.inc(1))?;
+    let turn = args.renderer.open().render_turn(&shaded, &rig, &plan, &|| bar.inc(1))?;
     bar.finish_and_clear();
     let note =
         SceneNote { source: args.scene.scene.clone(), triangles: scene.triangles.len(), fit_m: args.scene.fit_m };

@@ -2,7 +2,7 @@
 //! them together.
 
 use super::blur::eye_blur;
-use super::cpu::owner;
+use super::clear::owner;
 use super::joint::{Joint, SWEEPS};
 use super::plan::Halftone;
 use super::turn::{Depth, Turn};

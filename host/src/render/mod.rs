@@ -3,11 +3,15 @@
 pub mod blur;
 pub mod bow;
 mod canvas;
-pub mod cpu;
+pub mod clear;
+pub mod fast;
+pub mod gpu;
 pub mod halftone;
 pub mod joint;
 pub mod mesh;
+pub mod pick;
 pub mod plan;
+mod second_pass;
 mod sight;
 pub mod tessellate;
 pub mod truth;
@@ -18,7 +22,7 @@ use crate::scene::ShadedScene;
 use plan::Plan;
 use protocol::rig::Rig;
 use thiserror::Error;
-use turn::Turn;
+use turn::{Depth, Turn};
 
 pub use visible::anything_visible;
 
@@ -36,10 +40,24 @@ pub enum RenderError {
         /// The most triangles.
         allowed: usize,
     },
+    /// The GPU cannot render this, or has gone.
+    #[error(transparent)]
+    Gpu(#[from] gpu::GpuError),
 }
 
-/// A way to render a turn.
-pub trait Renderer {
+/// A way to render turns.
+pub trait Renderer: Send + Sync {
+    /// What it is called, with the device or the instructions that it uses.
+    fn name(&self) -> String;
+
+    /// Makes `scene` ready for `rig`, to be rendered by `plan` once or turn after turn.
+    fn prepare<'a>(
+        &'a self,
+        scene: &'a ShadedScene,
+        rig: &Rig,
+        plan: &Plan,
+    ) -> Result<Box<dyn Prepared + 'a>, RenderError>;
+
     /// Renders `scene` by `plan` into those slices of a turn that `slices` names; the others stay dark. `done` is called from any
     /// thread after each slice.
     fn render_slices(
@@ -49,7 +67,11 @@ pub trait Renderer {
         plan: &Plan,
         slices: &[u32],
         done: &(dyn Fn() + Sync),
-    ) -> Result<Turn, RenderError>;
+    ) -> Result<Turn, RenderError> {
+        let mut turn = dark_turn(rig, plan)?;
+        self.prepare(scene, rig, plan)?.render(Wanted { slices, number: 0, done }, &mut turn)?;
+        Ok(turn)
+    }
 
     /// Renders every slice of a turn.
     fn render_turn(
@@ -61,4 +83,27 @@ pub trait Renderer {
     ) -> Result<Turn, RenderError> {
         self.render_slices(scene, rig, plan, &(0..rig.rotation.slices).collect::<Vec<_>>(), done)
     }
+}
+
+/// A scene on a rig, ready to be rendered as often as is wanted, with all that a turn needs in its place.
+pub trait Prepared: Send {
+    /// Renders what is wanted into `turn`, which [`dark_turn`] or an earlier call has made; the other slices stay as they are.
+    fn render(&mut self, wanted: Wanted<'_>, turn: &mut Turn) -> Result<(), RenderError>;
+}
+
+/// What to render.
+#[derive(Clone, Copy)]
+pub struct Wanted<'a> {
+    /// The slices, each once.
+    pub slices: &'a [u32],
+    /// The number of the turn: halftones that alternate do so by its parity.
+    pub number: u32,
+    /// Called from any thread after each slice.
+    pub done: &'a (dyn Fn() + Sync),
+}
+
+/// A turn for `rig` with what `plan` puts in a pixel, dark.
+pub fn dark_turn(rig: &Rig, plan: &Plan) -> Result<Turn, RenderError> {
+    let depth = if plan.halftone == plan::Halftone::Grey { Depth::Grey } else { Depth::Binary };
+    Ok(Turn::dark(rig.rotation.slices, rig.projector.width_px, rig.projector.height_px, depth)?)
 }

@@ -79,6 +79,12 @@ impl Turn {
         &self.data[slice as usize * bytes..][..bytes]
     }
 
+    /// Slice `slice`, which must be below [`Turn::slices`], to be filled.
+    pub fn slice_mut(&mut self, slice: u32) -> &mut [u8] {
+        let bytes = self.slice_bytes();
+        &mut self.data[slice as usize * bytes..][..bytes]
+    }
+
     /// All slices one after the other.
     pub fn bytes(&self) -> &[u8] {
         &self.data

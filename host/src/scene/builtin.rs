@@ -53,13 +53,13 @@ pub(super) fn boxes() -> Scene {
     sculptor.finish("boxes")
 }
 
-/// A trefoil knot of 5,120 triangles.
-pub(super) fn knot() -> Scene {
+/// A trefoil knot of two triangles for each part `along` and `around` it.
+pub(super) fn knot(name: &str, [along, around]: [u32; 2]) -> Scene {
     let mut sculptor = Sculptor::default();
     let gold = sculptor.lit("gold", [1.0, 0.85, 0.5]);
     let turned = Quat::from_rotation_y(0.35) * Quat::from_rotation_x(-0.25);
-    sculptor.add(gold, tube(trefoil(0.0165), 0.01, 128, 20), Affine3A::from_quat(turned));
-    sculptor.finish("knot")
+    sculptor.add(gold, tube(trefoil(0.0165), 0.01, along, around), Affine3A::from_quat(turned));
+    sculptor.finish(name)
 }
 
 /// A trefoil about z over 0 to 1; its loops reach three times `size_m` out.

@@ -45,7 +45,7 @@ pub use texture::{Texture, Wrap, linear_from_srgb};
 pub const BUILTIN: &str = "builtin";
 
 /// The names that mean scenes without a file where a path to one is asked for: see [`Scene::load`].
-pub const BUILT_IN: [&str; 3] = [BUILTIN, "boxes", "knot"];
+pub const BUILT_IN: [&str; 5] = [BUILTIN, "boxes", "knot-5k", "knot-20k", "knot-70k"];
 
 /// File endings that [`Scene::load`] reads, in lower case.
 pub const EXTENSIONS: [&str; 4] = ["gltf", "glb", "obj", "ply"];
@@ -102,7 +102,7 @@ impl Default for Material {
 
 impl Scene {
     /// Reads a `.gltf`, `.glb`, `.obj` or `.ply` file (the ending in any case), or makes a scene for one of the names [`BUILT_IN`]: the
-    /// built-in one, boxes with long edges, a trefoil knot of about 5,000 triangles. The file's units are taken as metres and its axes as ours; see [`Scene::fit`].
+    /// built-in one, boxes with long edges, trefoil knots of about so many triangles. The file's units are taken as metres and its axes as ours; see [`Scene::fit`].
     ///
     /// # Errors
     /// [`SceneError`] in one line for a file that is missing, unreadable, of another kind, broken, truncated, empty,
@@ -112,7 +112,9 @@ impl Scene {
         match path.to_str() {
             Some(BUILTIN) => return Ok(Self::builtin()),
             Some("boxes") => return Ok(builtin::boxes()),
-            Some("knot") => return Ok(builtin::knot()),
+            Some("knot-5k") => return Ok(builtin::knot("knot-5k", [128, 20])),
+            Some("knot-20k") => return Ok(builtin::knot("knot-20k", [256, 40])),
+            Some("knot-70k") => return Ok(builtin::knot("knot-70k", [480, 74])),
             _ => {}
         }
         // The parsers of glTF, PLY, PNG and JPEG are not ours. We check what they rely on and know of no input that

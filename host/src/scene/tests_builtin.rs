@@ -34,7 +34,7 @@ fn built_in_scenes_fit_the_display() {
     for name in BUILT_IN {
         let scene = Scene::load(name).unwrap();
         assert!(scene.radius() <= 0.060 && scene.radius() > 0.055, "{name}: {}", scene.radius());
-        assert!(scene.triangles.len() < 20_000);
+        assert!(scene.triangles.len() < 75_000);
         assert!(scene.notes.is_empty(), "{name}: {:?}", scene.notes);
         assert_eq!(scene.positions, Scene::load(name).unwrap().positions, "the same every time");
     }
@@ -48,14 +48,14 @@ fn boxes_have_long_edges_and_the_knot_has_short_ones() {
         let lengths = edges.map(|ends| ends.map(|&end| scene.positions[end as usize])).map(|[a, b]| a.distance(b));
         (scene.triangles.len(), lengths.fold(0.0, f32::max))
     };
-    let (boxes, knot) = (longest("boxes"), longest("knot"));
+    let (boxes, knot) = (longest("boxes"), longest("knot-5k"));
     assert!(boxes.0 == 96 && boxes.1 > 0.1 && boxes.1 < 0.12, "{boxes:?}");
     assert!(knot.0 == 5120 && knot.1 < 0.01, "{knot:?}");
 }
 
 #[test]
 fn built_in_scenes_are_made_of_closed_solids_with_their_outside_out() {
-    for (name, count) in BUILT_IN.into_iter().zip([20, 8, 1]) {
+    for (name, count) in BUILT_IN.into_iter().zip([20, 8, 1, 1, 1]) {
         let scene = Scene::load(name).unwrap();
         let solids = solids(&scene);
         assert!(solids.len() >= count, "{name}: {}", solids.len());

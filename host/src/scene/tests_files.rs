@@ -283,7 +283,7 @@ fn load_names_the_file_and_what_is_allowed() {
     let message = |path: &str| Scene::load(path).unwrap_err().to_string();
     assert_eq!(
         message("a.stl"),
-        "a.stl: unknown kind of file \"stl\", allowed are .gltf, .glb, .obj, .ply and the names builtin, boxes, knot"
+        "a.stl: unknown kind of file \"stl\", allowed are .gltf, .glb, .obj, .ply and the names builtin, boxes, knot-5k, knot-20k, knot-70k"
     );
     assert!(message("nowhere/a.OBJ").starts_with("nowhere/a.OBJ: cannot be read: "));
     let folder = tempfile::tempdir().unwrap();

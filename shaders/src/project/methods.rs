@@ -2,6 +2,7 @@
 //! which is the reference.
 
 mod kernel;
+pub mod lanes;
 mod table;
 
 pub use kernel::SliceProjector;

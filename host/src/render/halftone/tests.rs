@@ -1,6 +1,6 @@
 use super::*;
 use crate::render::Renderer;
-use crate::render::cpu::CpuRenderer;
+use crate::render::clear::ClearRenderer;
 use crate::render::plan::Plan;
 use crate::scene::{Scene, Shading, shade};
 use shaders::project::Sight;
@@ -28,7 +28,7 @@ fn small(name: &str, changes: &[(&str, &str)]) -> Rig {
 
 fn grey(rig: &Rig) -> Turn {
     let scene = shade(&Scene::builtin(), Shading::Lambert, false);
-    CpuRenderer.render_turn(&scene, rig, &Plan { halftone: Halftone::Grey, ..Plan::default() }, &|| ()).unwrap()
+    ClearRenderer.render_turn(&scene, rig, &Plan { halftone: Halftone::Grey, ..Plan::default() }, &|| ()).unwrap()
 }
 
 #[test]
@@ -78,7 +78,7 @@ fn the_renderer_carries_as_the_grey_turn_does() {
     let scene = shade(&Scene::builtin(), Shading::Lambert, false);
     let plan = Plan { halftone: Halftone::SightLine, ..Plan::default() };
     let slices = [2, 3, 50];
-    let rendered = CpuRenderer.render_slices(&scene, &rig, &plan, &slices, &|| ()).unwrap();
+    let rendered = ClearRenderer.render_slices(&scene, &rig, &plan, &slices, &|| ()).unwrap();
     let grey = grey(&rig);
     assert!(rendered == halftone_slices(&grey, &rig, Halftone::SightLine, 0, &slices, &|| ()));
 }

@@ -3,7 +3,7 @@
 use super::cost::{Work, turn_ns, vertex_ns};
 use super::error::geometric_error;
 use super::{DepthTest, Edges, Halftone, Plan, Precision, Projection};
-use crate::render::cpu::CpuRenderer;
+use crate::render::clear::ClearRenderer;
 use crate::render::mesh::Mesh;
 use crate::render::tessellate::tessellate;
 use crate::render::{RenderError, Renderer, anything_visible};
@@ -292,7 +292,7 @@ impl<'a> Chooser<'a> {
         let linear = Plan { halftone: Halftone::Grey, ..candidate.plan };
         let exact = Plan { depth: DepthTest::Exact, ..linear };
         let slices: Vec<u32> = (0..3).map(|index| index * self.rig.rotation.slices / 3).collect();
-        let render = |plan| CpuRenderer.render_slices(self.scene, self.rig, plan, &slices, &|| ());
+        let render = |plan| ClearRenderer.render_slices(self.scene, self.rig, plan, &slices, &|| ());
         let (linear, exact) = (render(&linear)?, render(&exact)?);
         let lit = exact.bytes().iter().filter(|byte| **byte > 0).count();
         let wrong = linear.bytes().iter().zip(exact.bytes()).filter(|(a, b)| a.abs_diff(**b) > VISIBLE_STEP).count();

@@ -2,13 +2,13 @@
 
 use super::blur::eye_blur;
 use super::canvas::{Canvas, Coverage, Drawing};
-use super::halftone::{halftone_slices, slices_read};
 use super::plan::{Edges, Halftone, Plan, Precision};
+use super::second_pass::SecondPass;
 use super::sight::Line;
 use super::tessellate::tessellate;
 use super::truth::Caster;
-use super::turn::{Depth, Turn};
-use super::{RenderError, Renderer};
+use super::turn::Turn;
+use super::{Prepared, RenderError, Renderer, Wanted};
 use crate::scene::ShadedScene;
 use glam::{DVec2, DVec3};
 use protocol::rig::{Rig, Viewers};
@@ -17,33 +17,28 @@ use shaders::halftone::{Slot, halftone};
 use shaders::project::SliceOptics;
 use shaders::project::methods::{FaceOptics, Real};
 
-/// The reference on the CPU.
+/// The reference on the CPU: every plan, every halftone, and nothing done to be quick.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct CpuRenderer;
+pub struct ClearRenderer;
 
-impl Renderer for CpuRenderer {
-    fn render_slices(
-        &self,
-        scene: &ShadedScene,
+impl Renderer for ClearRenderer {
+    fn name(&self) -> String {
+        "clear".into()
+    }
+
+    fn prepare<'a>(
+        &'a self,
+        scene: &'a ShadedScene,
         rig: &Rig,
         plan: &Plan,
-        slices: &[u32],
-        done: &(dyn Fn() + Sync),
-    ) -> Result<Turn, RenderError> {
-        let read = match plan.halftone {
-            Halftone::SightLine => Some(slices_read(rig, slices)),
-            Halftone::Joint => Some(slices.to_vec()),
-            _ => None,
-        };
-        if let Some(read) = read {
-            let grey = Plan { halftone: Halftone::Grey, ..*plan };
-            let grey = self.render_slices(scene, rig, &grey, &read, done)?;
-            return Ok(halftone_slices(&grey, rig, plan.halftone, 0, slices, &|| ()));
+    ) -> Result<Box<dyn Prepared + 'a>, RenderError> {
+        if matches!(plan.halftone, Halftone::SightLine | Halftone::Joint) {
+            return SecondPass::prepare(self, scene, rig, plan);
         }
-        match plan.precision {
-            Precision::Single => render::<f32>(scene, rig, plan, slices, done),
-            Precision::Double => render::<f64>(scene, rig, plan, slices, done),
-        }
+        Ok(match plan.precision {
+            Precision::Single => Box::new(Job::<f32>::new(scene, rig, plan)?),
+            Precision::Double => Box::new(Job::<f64>::new(scene, rig, plan)?),
+        })
     }
 }
 
@@ -64,41 +59,53 @@ impl<'a> Subject<'a> {
     }
 }
 
-fn render<F: Real>(
-    scene: &ShadedScene,
-    rig: &Rig,
-    plan: &Plan,
-    slices: &[u32],
-    done: &(dyn Fn() + Sync),
-) -> Result<Turn, RenderError> {
-    let (width, height) = (rig.projector.width_px, rig.projector.height_px);
-    let depth = if plan.halftone.binary().is_some() { Depth::Binary } else { Depth::Grey };
-    let mut turn = Turn::dark(rig.rotation.slices, width, height, depth)?;
-    let subject = Subject::new(scene, rig, plan)?;
-    let faces: Vec<_> =
-        (0..rig.mirror.face.len()).map(|face| FaceOptics::<F>::new(rig, face, plan.projection.into())).collect();
-    let slice_bytes = turn.slice_bytes();
-    let chunks = turn.bytes_mut().chunks_mut(slice_bytes).enumerate();
-    let wanted: Vec<_> = chunks.filter(|(slice, _)| slices.contains(&(*slice as u32))).collect();
-    wanted.into_par_iter().for_each_init(
-        || Canvas::new(width, height),
-        |canvas, (slice, bytes)| {
-            canvas.clear();
-            draw(canvas, scene, rig, &subject, &faces, rig.slice_angle(slice as u32));
-            match plan.halftone.binary() {
-                Some(method) => halftone(
-                    method,
-                    Slot { slice: slice as u32, turn: 0, blur: eye_blur(rig, slice as u32) },
-                    width,
-                    &canvas.luminance,
-                    bytes,
-                ),
-                None => to_bytes(&canvas.luminance, bytes),
-            }
-            done();
-        },
-    );
-    Ok(turn)
+/// A scene on a rig.
+struct Job<'a, F> {
+    scene: &'a ShadedScene,
+    rig: Rig,
+    halftone: Halftone,
+    subject: Subject<'a>,
+    faces: Vec<FaceOptics<F>>,
+}
+
+impl<'a, F: Real> Job<'a, F> {
+    fn new(scene: &'a ShadedScene, rig: &Rig, plan: &Plan) -> Result<Self, RenderError> {
+        let optics = |face| FaceOptics::new(rig, face, plan.projection.into());
+        Ok(Self {
+            scene,
+            rig: rig.clone(),
+            halftone: plan.halftone,
+            subject: Subject::new(scene, rig, plan)?,
+            faces: (0..rig.mirror.face.len()).map(optics).collect(),
+        })
+    }
+}
+
+impl<F: Real> Prepared for Job<'_, F> {
+    fn render(&mut self, wanted: Wanted<'_>, turn: &mut Turn) -> Result<(), RenderError> {
+        let (width, height) = (turn.width(), turn.height());
+        let slice_bytes = turn.slice_bytes();
+        let chunks = turn.bytes_mut().chunks_mut(slice_bytes).enumerate();
+        let wanted_bytes: Vec<_> = chunks.filter(|(slice, _)| wanted.slices.contains(&(*slice as u32))).collect();
+        let job: &Self = self;
+        wanted_bytes.into_par_iter().for_each_init(
+            || Canvas::new(width, height),
+            |canvas, (slice, bytes)| {
+                let slice = slice as u32;
+                canvas.clear();
+                draw(canvas, job.scene, &job.rig, &job.subject, &job.faces, job.rig.slice_angle(slice));
+                match job.halftone.binary() {
+                    Some(method) => {
+                        let slot = Slot { slice, turn: wanted.number, blur: eye_blur(&job.rig, slice) };
+                        halftone(method, slot, width, &canvas.luminance, bytes);
+                    }
+                    None => to_bytes(&canvas.luminance, bytes),
+                }
+                (wanted.done)();
+            },
+        );
+        Ok(())
+    }
 }
 
 fn draw<F: Real>(
