@@ -8,6 +8,7 @@ pub mod fast;
 pub mod gpu;
 pub mod halftone;
 pub mod joint;
+pub mod live;
 pub mod mesh;
 pub mod pick;
 pub mod plan;

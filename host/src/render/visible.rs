@@ -1,10 +1,11 @@
 //! Whether a rig can show anything of a scene.
 
+use super::mesh::Mesh;
 use super::plan::{Edges, Plan, Precision, Projection};
 use super::tessellate::tessellate;
 use crate::scene::ShadedScene;
 use protocol::rig::{Rig, Viewers};
-use shaders::project::methods::{FaceOptics, Method, Vertex};
+use shaders::project::methods::{FaceOptics, Method, Real, SliceProjector, Vertex};
 
 /// Pieces that lie farther than this outside the image are not in it: they bow by less.
 const MARGIN_PX: f64 = 2.0;
@@ -30,25 +31,27 @@ fn may_show(scene: &ShadedScene, rig: &Rig, projection: Projection) -> bool {
     let plan =
         Plan { projection, precision: Precision::Double, edges: Edges::Adaptive, bow_px: 0.5, ..Plan::default() };
     let Ok(mesh) = tessellate(scene, rig, &plan) else { return true };
-    let size = [rig.projector.width_px, rig.projector.height_px].map(f64::from);
-    let in_image = |corners: &[Vertex<f64>; 3]| {
-        (0..2).all(|axis| {
-            corners.iter().any(|corner| corner.pixel[axis] > -MARGIN_PX)
-                && corners.iter().any(|corner| corner.pixel[axis] < size[axis] + MARGIN_PX)
-        })
-    };
     (0..rig.mirror.face.len()).any(|face| {
         let optics = FaceOptics::<f64>::new(rig, face, Method::from(projection));
-        (0..rig.rotation.slices).any(|slice| {
-            let projector = optics.slice(rig.slice_angle(slice));
-            let vertices: Vec<_> =
-                mesh.positions.iter().map(|position| projector.vertex(position.to_array())).collect();
-            mesh.triangles.iter().any(|triangle| {
-                let [Some(a), Some(b), Some(c)] = triangle.corners.map(|corner| vertices[corner as usize]) else {
-                    return false;
-                };
-                a.sides & b.sides & c.sides == 0 && in_image(&[a, b, c])
-            })
+        (0..rig.rotation.slices).any(|slice| may_slice_show(&mesh, rig, &optics.slice(rig.slice_angle(slice))))
+    })
+}
+
+/// Whether some triangle of `mesh`, drawn with straight edges, may reach the panel and the image in one face's slice.
+pub(super) fn may_slice_show<F: Real>(mesh: &Mesh, rig: &Rig, projector: &SliceProjector<F>) -> bool {
+    let size = [rig.projector.width_px, rig.projector.height_px].map(f64::from);
+    let in_image = |corners: &[Vertex<F>; 3]| {
+        (0..2).all(|axis| {
+            corners.iter().any(|corner| corner.pixel[axis].wide() > -MARGIN_PX)
+                && corners.iter().any(|corner| corner.pixel[axis].wide() < size[axis] + MARGIN_PX)
         })
+    };
+    let vertices: Vec<_> =
+        mesh.positions.iter().map(|position| projector.vertex(position.to_array().map(F::of))).collect();
+    mesh.triangles.iter().any(|triangle| {
+        let [Some(a), Some(b), Some(c)] = triangle.corners.map(|corner| vertices[corner as usize]) else {
+            return false;
+        };
+        a.sides & b.sides & c.sides == 0 && in_image(&[a, b, c])
     })
 }

@@ -1,0 +1,172 @@
+//! A turn that follows its scene: slices that show nothing of a change stay as they are.
+
+use super::mesh::Mesh;
+use super::plan::{Edges, Halftone, Plan, Precision};
+use super::tessellate::tessellate;
+use super::turn::Turn;
+use super::visible::may_slice_show;
+use super::{RenderError, Renderer, Wanted, dark_turn};
+use crate::scene::{ShadedScene, ShadedTriangle};
+use glam::{Vec2, Vec3};
+use protocol::rig::Rig;
+use rayon::prelude::*;
+use shaders::project::methods::{FaceOptics, Real};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// A turn of the scene that was last shown.
+pub struct Live {
+    rig: Rig,
+    plan: Plan,
+    scene: ShadedScene,
+    turn: Turn,
+}
+
+impl Live {
+    /// A dark turn, of an empty scene.
+    pub fn new(rig: &Rig, plan: &Plan) -> Result<Self, RenderError> {
+        Ok(Self { rig: rig.clone(), plan: *plan, scene: ShadedScene::default(), turn: dark_turn(rig, plan)? })
+    }
+
+    /// The turn.
+    pub fn turn(&self) -> &Turn {
+        &self.turn
+    }
+
+    /// Makes the turn, whose number is `number`, one of `scene`. The slices that were rendered for it: all others, and so their
+    /// frames on a device, are as they were. After an error the turn still is of the scene before.
+    pub fn show(
+        &mut self,
+        renderer: &dyn Renderer,
+        scene: ShadedScene,
+        number: u32,
+        done: &(dyn Fn() + Sync),
+    ) -> Result<Vec<u32>, RenderError> {
+        let slices = match self.plan.halftone.turns() {
+            1 => changed_slices(&self.scene, &scene, &self.rig, &self.plan)?,
+            _ => (0..self.rig.rotation.slices).collect(),
+        };
+        if !slices.is_empty() {
+            let mut turn = self.turn.clone();
+            let mut prepared = renderer.prepare(&scene, &self.rig, &self.plan)?;
+            prepared.render(Wanted { slices: &slices, number, done }, &mut turn)?;
+            self.turn = turn;
+        }
+        self.scene = scene;
+        Ok(slices)
+    }
+}
+
+/// The slices that may show something of what is in one of the scenes and not in the other, in order.
+pub fn changed_slices(
+    before: &ShadedScene,
+    after: &ShadedScene,
+    rig: &Rig,
+    plan: &Plan,
+) -> Result<Vec<u32>, RenderError> {
+    let all = || (0..rig.rotation.slices).collect();
+    let changed = difference(before, after);
+    if changed.triangles.is_empty() {
+        return Ok(Vec::new());
+    }
+    // Those halftones know other slices; those edges have no straight pieces.
+    let is_joint = matches!(plan.halftone, Halftone::SightLine | Halftone::Joint);
+    if is_joint || matches!(plan.edges, Edges::Discard | Edges::Rays) {
+        return Ok(all());
+    }
+    let mesh = tessellate(&changed, rig, plan)?;
+    Ok(match plan.precision {
+        Precision::Single => showing::<f32>(&mesh, rig, plan),
+        Precision::Double => showing::<f64>(&mesh, rig, plan),
+    })
+}
+
+fn showing<F: Real>(mesh: &Mesh, rig: &Rig, plan: &Plan) -> Vec<u32> {
+    let faces: Vec<_> =
+        (0..rig.mirror.face.len()).map(|face| FaceOptics::<F>::new(rig, face, plan.projection.into())).collect();
+    let shows =
+        |slice: &u32| faces.iter().any(|optics| may_slice_show(mesh, rig, &optics.slice(rig.slice_angle(*slice))));
+    (0..rig.rotation.slices).into_par_iter().filter(shows).collect()
+}
+
+/// The triangles that are in one of two scenes and not in the other, as bits tell. The textures are those of the second: pieces are
+/// only asked for their place.
+fn difference(before: &ShadedScene, after: &ShadedScene) -> ShadedScene {
+    let mut count: HashMap<Key, (i64, ShadedTriangle)> = HashMap::new();
+    for (scene, sign) in [(before, -1), (after, 1)] {
+        for triangle in &scene.triangles {
+            count.entry(key(scene, triangle)).or_insert((0, *triangle)).0 += sign;
+        }
+    }
+    let changed = count.into_values().filter(|(count, _)| *count != 0);
+    ShadedScene { triangles: changed.map(|(_, triangle)| triangle).collect(), textures: after.textures.clone() }
+}
+
+/// All bits of a triangle, and its texture's address: textures are shared, not copied.
+type Key = ([u32; 24], usize);
+
+fn key(scene: &ShadedScene, triangle: &ShadedTriangle) -> Key {
+    let ShadedTriangle { positions, radiance, uv, texture } = triangle;
+    let vectors = positions.iter().chain(radiance).flat_map(Vec3::to_array);
+    let mut bits = vectors.chain(uv.iter().flat_map(Vec2::to_array)).map(f32::to_bits);
+    let address = texture.map_or(0, |texture| Arc::as_ptr(&scene.textures[texture as usize]) as usize);
+    (core::array::from_fn(|_| bits.next().unwrap_or_default()), address)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::clear::ClearRenderer;
+    use crate::rigs;
+    use crate::scene::{Scene, Shading, shade};
+    use glam::Affine3A;
+
+    fn rig() -> Rig {
+        let mut rig = rigs::find("reference").unwrap();
+        let projector = &mut rig.projector;
+        (projector.width_px, projector.height_px) = (96, 96);
+        (projector.focal_px, projector.principal_px) = (Some(384.0), Some([48.0; 2]));
+        rig
+    }
+
+    /// A knot in the middle, and a small one far out that some slices do not show.
+    fn scene(place: Vec3) -> ShadedScene {
+        let mut scene = shade(&Scene::load("knot-5k").unwrap(), Shading::Lambert, false);
+        let small = Affine3A::from_translation(place) * Affine3A::from_scale(Vec3::splat(0.05));
+        let copies: Vec<_> = scene
+            .triangles
+            .iter()
+            .map(|triangle| ShadedTriangle {
+                positions: triangle.positions.map(|position| small.transform_point3(position)),
+                ..*triangle
+            })
+            .collect();
+        scene.triangles.extend(copies);
+        scene
+    }
+
+    #[test]
+    fn what_was_not_rendered_anew_is_as_if_it_had_been() {
+        let (rig, plan) = (rig(), Plan { halftone: Halftone::BlueNoise, ..Plan::default() });
+        let mut live = Live::new(&rig, &plan).unwrap();
+        let places = [Vec3::new(0.1, 0.06, 0.0), Vec3::new(0.1, 0.065, 0.0)];
+        let rendered = places.map(|place| live.show(&ClearRenderer, scene(place), 0, &|| ()).unwrap().len() as u32);
+        assert!(rendered[0] > 200 && (1..250).contains(&rendered[1]), "{rendered:?}");
+        let anew = ClearRenderer.render_turn(&scene(places[1]), &rig, &plan, &|| ()).unwrap();
+        assert!(live.turn() == &anew);
+        assert_eq!(live.show(&ClearRenderer, scene(places[1]), 1, &|| ()), Ok(vec![]));
+    }
+
+    #[test]
+    fn a_change_of_light_counts_and_an_order_does_not() {
+        let (rig, plan) = (rig(), Plan::default());
+        let before = scene(Vec3::ZERO);
+        let mut after = before.clone();
+        after.triangles.reverse();
+        assert_eq!(changed_slices(&before, &after, &rig, &plan), Ok(vec![]));
+        after.triangles[0].radiance[1].x += 0.01;
+        assert!(!changed_slices(&before, &after, &rig, &plan).unwrap().is_empty());
+        let joint = Plan { halftone: Halftone::SightLine, ..plan };
+        assert_eq!(changed_slices(&before, &after, &rig, &joint).unwrap().len(), 288);
+    }
+}
