@@ -5,6 +5,7 @@
 
 mod lines;
 
+use super::lanes::{NOWHERE, UNLIT};
 use super::table::SliceTable;
 use super::{Method, Real, SightLine, Vertex};
 use crate::project::{SliceOptics, Viewer, Visibility};
@@ -17,7 +18,7 @@ use protocol::rig::Viewers;
 pub struct SliceProjector<F> {
     /// Answers what cancels too many digits here, or has no single root nearby.
     exact: SliceOptics,
-    method: Method,
+    pub(super) method: Method,
     table: Option<SliceTable<F>>,
     /// Sine and cosine of the face's azimuth, and of its tilt.
     azimuth: [F; 2],
@@ -45,7 +46,7 @@ pub struct SliceProjector<F> {
     /// The square of the sine of the angle to the mirror's plane, per square metre of distance, above which rounding stays tolerable.
     grazing: F,
     /// The largest step, in radians of the sight line, after which the cone's root is reached.
-    settled: F,
+    pub(super) settled: F,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -55,6 +56,17 @@ struct Lens<F> {
     radial: [F; 2],
     fold_squared: F,
 }
+
+/// What [`SliceProjector::trial`] finds.
+pub(super) struct Trial<F> {
+    pub pixel: [F; 2],
+    pub depth_m: F,
+    /// As [`super::lanes::Lanes::state`], or [`UNSURE`].
+    pub state: i32,
+}
+
+/// [`Trial::state`]: to be asked of [`SliceProjector::vertex`].
+pub(super) const UNSURE: i32 = 0x40;
 
 /// A point of the scene.
 #[derive(Clone, Copy)]
@@ -160,12 +172,28 @@ impl<F: Real> SliceProjector<F> {
         if line.range * self.near <= -F::one() {
             return None;
         }
-        Some(Vertex {
-            pixel: self.pixel(line.mirror)?,
+        let (pixel, is_imaged) = self.pixel(line.mirror);
+        is_imaged.then(|| Vertex {
+            pixel,
             depth_m: self.depth(&place, &line),
-            sides: self.sides(line.mirror),
+            sides: self.sides(line.mirror) as u8,
             lit: self.is_lit(&line),
         })
+    }
+
+    /// [`SliceProjector::vertex`] without a branch, with `STEPS` of Newton's steps from the planar line.
+    #[inline(always)]
+    pub(super) fn trial<const STEPS: usize>(&self, point: [F; 3], settled: F) -> Trial<F> {
+        let place = self.place(point);
+        let (planar, is_sound) = self.planar_line(&place);
+        let (line, is_reached) = self.steps::<STEPS>(&place, planar, settled);
+        let (pixel, is_imaged) = self.pixel(line.mirror);
+        let is_near = self.is_near(planar.mirror);
+        let is_sure = is_sound & (is_reached | !is_near);
+        let is_somewhere = is_near & is_imaged & (line.range * self.near > -F::one());
+        let state = self.sides(line.mirror) | if self.is_lit(&line) { 0 } else { UNLIT };
+        let state = if is_somewhere { state } else { NOWHERE };
+        Trial { pixel, depth_m: self.depth(&place, &line), state: if is_sure { state } else { UNSURE } }
     }
 
     /// What `pixel` shows; `None` where its ray misses the panel with its guard band, or where no lit viewer sees it.
@@ -221,14 +249,14 @@ impl<F: Real> SliceProjector<F> {
         })
     }
 
-    #[inline]
+    #[inline(always)]
     fn place(&self, [x, y, z]: [F; 3]) -> Place<F> {
         let [sin, cos] = self.azimuth;
         self.place_in_frame([cos * x - sin * z, y, sin * x + cos * z])
     }
 
     /// A point given in the mirror's frame.
-    #[inline]
+    #[inline(always)]
     fn place_in_frame(&self, [x, y, z]: [F; 3]) -> Place<F> {
         let [sin, cos] = self.tilt;
         Place {
@@ -253,7 +281,7 @@ impl<F: Real> SliceProjector<F> {
     }
 
     /// |V' − Q| less the circle's distance: the difference of the squares over the sum.
-    #[inline]
+    #[inline(always)]
     fn depth(&self, place: &Place<F>, line: &Line<F>) -> F {
         let [_, height, distance] = self.circle;
         let squared = self.near * (place.level_squared + place.y * place.y);
@@ -261,18 +289,15 @@ impl<F: Real> SliceProjector<F> {
         (squared - along - along) / (line.square.sqrt() + distance)
     }
 
-    #[inline]
-    fn pixel(&self, [across, slope]: [F; 2]) -> Option<[F; 2]> {
+    /// The pixel of M, and whether there is one: M is in front of the projector, and the lens does not fold it back.
+    #[inline(always)]
+    fn pixel(&self, [across, slope]: [F; 2]) -> ([F; 2], bool) {
         let [u, v, w] = self.pixels.map(|[a, b, c]| a * across + b * slope + c);
-        if w.is_nan() || w <= F::zero() {
-            return None;
-        }
         let scale = w.recip();
-        let pixel = [u * scale, v * scale];
-        match &self.lens {
-            None => Some(pixel),
-            Some(lens) => lens.distort(pixel),
-        }
+        let (pixel, is_ahead) = ([u * scale, v * scale], w > F::zero());
+        let Some(lens) = &self.lens else { return (pixel, is_ahead) };
+        let (pixel, is_unfolded) = lens.distort(pixel);
+        (pixel, is_ahead & is_unfolded)
     }
 
     /// M of a pixel; `None` where the projector's ray does not meet the plane.
@@ -286,26 +311,26 @@ impl<F: Real> SliceProjector<F> {
     }
 
     /// As [`SliceOptics::is_near`].
-    #[inline]
+    #[inline(always)]
     fn is_near(&self, [across, slope]: [F; 2]) -> bool {
         let [low, high] = self.slope_span;
         let size = high - low;
-        across.abs() <= self.half_width * F::of(3.0) && low - size <= slope && slope <= high + size
+        (across.abs() <= self.half_width * F::of(3.0)) & (low - size <= slope) & (slope <= high + size)
     }
 
-    #[inline]
-    fn sides(&self, [across, slope]: [F; 2]) -> u8 {
+    #[inline(always)]
+    fn sides(&self, [across, slope]: [F; 2]) -> i32 {
         let ([low, high], half_width, guard) = (self.slope_span, self.half_width, self.guard);
-        u8::from(across < -half_width - guard)
-            | u8::from(across > half_width + guard) << 1
-            | u8::from(slope < low - guard) << 2
-            | u8::from(slope > high + guard) << 3
+        i32::from(across < -half_width - guard)
+            | i32::from(across > half_width + guard) << 1
+            | i32::from(slope < low - guard) << 2
+            | i32::from(slope > high + guard) << 3
     }
 
-    #[inline]
+    #[inline(always)]
     fn is_lit(&self, line: &Line<F>) -> bool {
         let [sin, cos] = self.tilt;
-        self.exact.projector_is_above && sin * line.viewer[1] + cos * self.circle[1] > self.near * self.offset
+        self.exact.projector_is_above & (sin * line.viewer[1] + cos * self.circle[1] > self.near * self.offset)
     }
 
     /// Whether the panel's corners, and points its reach above and below them, are answered in `F` itself.
@@ -321,11 +346,12 @@ impl<F: Real> SliceProjector<F> {
 }
 
 impl<F: Real> Lens<F> {
-    fn distort(&self, pixel: [F; 2]) -> Option<[F; 2]> {
+    /// Where an ideal pixel goes, and whether the lens does not fold it back.
+    #[inline(always)]
+    fn distort(&self, pixel: [F; 2]) -> ([F; 2], bool) {
         let ideal = [0, 1].map(|axis| (pixel[axis] - self.principal[axis]) / self.focal[axis]);
         let squared = ideal[0] * ideal[0] + ideal[1] * ideal[1];
         let gain = F::one() + squared * (self.radial[0] + squared * self.radial[1]);
-        (squared < self.fold_squared)
-            .then(|| [0, 1].map(|axis| self.principal[axis] + self.focal[axis] * ideal[axis] * gain))
+        ([0, 1].map(|axis| self.principal[axis] + self.focal[axis] * ideal[axis] * gain), squared < self.fold_squared)
     }
 }

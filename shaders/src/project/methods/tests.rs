@@ -2,7 +2,7 @@ use super::*;
 use crate::project::Visibility;
 use glam::{DVec2, DVec3};
 
-const REFERENCE: &str = include_str!("../../../../host/rigs/reference.toml");
+pub(super) const REFERENCE: &str = include_str!("../../../../host/rigs/reference.toml");
 const RIGS: [&str; 4] = [
     REFERENCE,
     include_str!("../../../../host/rigs/reference-180hz.toml"),
@@ -19,7 +19,7 @@ fn changed(changes: &[(&str, &str)]) -> Rig {
 }
 
 /// The built-in rigs, and others that can be built.
-fn rigs() -> Vec<Rig> {
+pub(super) fn rigs() -> Vec<Rig> {
     let mut rigs: Vec<_> = RIGS.into_iter().map(|text| Rig::parse(text).unwrap()).collect();
     for height in ["0.0", "0.6", "1.0", "1.5"] {
         rigs.push(changed(&[("height_m = 0.35", &format!("height_m = {height}"))]));
@@ -37,7 +37,7 @@ fn rigs() -> Vec<Rig> {
 }
 
 /// A fixed scatter of points of the ball that the panel sweeps, with slices.
-fn scatter(rig: &Rig, count: u32) -> impl Iterator<Item = (DVec3, f64)> {
+pub(super) fn scatter(rig: &Rig, count: u32) -> impl Iterator<Item = (DVec3, f64)> {
     (0..count).map(|index| {
         let fraction = |step: f64| (f64::from(index) * step).fract();
         let (azimuth, height) = (fraction(0.618_034) * core::f64::consts::TAU, fraction(0.754_878) * 2.0 - 1.0);

@@ -25,10 +25,41 @@ struct Defect<F> {
     outward: F,
 }
 
+/// Newton's method on its way.
+#[derive(Clone, Copy)]
+struct Search<F> {
+    line: Line<F>,
+    /// How fast the defect, times |V' − Q|, rose with the viewer's place across.
+    rise: F,
+    /// The size of the last step.
+    last: F,
+}
+
+impl<F: Real> Search<F> {
+    #[inline(always)]
+    fn from(line: Line<F>) -> Self {
+        // The rise is unknown: near a double root the defect is small where there is no root. The first step is to stay below an
+        // eighth of a radian in the azimuth.
+        Self { line, rise: F::zero(), last: line.viewer[1].abs() * F::of(0.5) }
+    }
+
+    #[inline(always)]
+    fn is_settled(&self, defect: &Defect<F>, settled: F) -> bool {
+        defect.value.abs() < settled * self.rise
+    }
+}
+
 impl<F: Real> SliceProjector<F> {
     /// The planar fan's line; `None` where too many digits cancel: near the axis of P', near the viewing circle, at grazing lines.
     #[inline]
     pub(super) fn planar(&self, place: &Place<F>) -> Option<Line<F>> {
+        let (line, is_sound) = self.planar_line(place);
+        is_sound.then_some(line)
+    }
+
+    /// The same with whether the digits do not cancel.
+    #[inline(always)]
+    pub(super) fn planar_line(&self, place: &Place<F>) -> (Line<F>, bool) {
         let away = [place.x - self.image[0], place.z - self.image[1]];
         let square = away[0] * away[0] + away[1] * away[1];
         let scale = square.sqrt().recip();
@@ -39,21 +70,21 @@ impl<F: Real> SliceProjector<F> {
         let range = (along * along + within).sqrt() - along;
         let line = self.line(place, [range * x, range * z]);
         let few = F::of(CANCELLATION);
-        let sound = few * few * square >= self.image_squared + place.level_squared && few * range >= radius;
-        (sound && self.is_steep(place, &line)).then_some(line)
+        let is_sound = (few * few * square >= self.image_squared + place.level_squared) & (few * range >= radius);
+        (line, is_sound & self.is_steep(place, &line))
     }
 
     /// Whether a line is so steep to the mirror that the rounding of point and direction stays tolerable in M. Also false where a
     /// number is not finite.
-    #[inline]
+    #[inline(always)]
     fn is_steep(&self, place: &Place<F>, line: &Line<F>) -> bool {
         let squared = self.reach_squared + place.level_squared + place.y * place.y;
         let least = self.grazing * line.square * squared;
-        line.toward_above * line.toward_above >= least && least.is_finite()
+        (line.toward_above * line.toward_above >= least) & (least < F::infinity())
     }
 
     /// The line of a point toward a viewer who is `away` from it, seen from above.
-    #[inline]
+    #[inline(always)]
     fn line(&self, place: &Place<F>, away: [F; 2]) -> Line<F> {
         let [x, z] = away;
         let y = self.circle[1] - self.near * place.y;
@@ -73,7 +104,7 @@ impl<F: Real> SliceProjector<F> {
     }
 
     /// The line to the place on the circle `x` across, on the same side of the axis as `line`.
-    #[inline]
+    #[inline(always)]
     fn line_across(&self, place: &Place<F>, line: &Line<F>, x: F) -> Line<F> {
         let [radius, ..] = self.circle;
         let z = ((radius - x) * (radius + x)).sqrt().copysign(line.viewer[1]);
@@ -101,7 +132,13 @@ impl<F: Real> SliceProjector<F> {
 
     /// The cone's line, to the last digits of `F` that [`Real::TOLERANCE_PX`] asks for.
     fn root(&self, place: &Place<F>, planar: Line<F>) -> Option<Line<F>> {
-        self.newton(place, planar, self.settled * F::of(0.1 * F::TOLERANCE_PX / NEWTON_PX))
+        self.newton(place, planar, self.root_settled())
+    }
+
+    /// [`SliceProjector::settled`] for [`Method::ConeRoot`].
+    #[inline]
+    pub(in super::super) fn root_settled(&self) -> F {
+        self.settled * F::of(0.1 * F::TOLERANCE_PX / NEWTON_PX)
     }
 
     /// What the table holds for a point of the mirror's frame: how far the cone moves the viewer across, over the planar line's way
@@ -139,31 +176,53 @@ impl<F: Real> SliceProjector<F> {
     /// The place across is a better unknown than the azimuth: the defect is nearly linear in it.
     #[inline]
     fn newton(&self, place: &Place<F>, planar: Line<F>, settled: F) -> Option<Line<F>> {
-        let mut line = planar;
-        // Unknown: near a double root the defect is small where there is no root.
-        let mut rise = F::zero();
-        // The first step stays below an eighth of a radian in the azimuth.
-        let mut last = planar.viewer[1].abs() * F::of(0.5);
+        let mut search = Search::from(planar);
         for _ in 0..STEPS {
-            let defect = self.defect(&line);
-            if defect.value.abs() < settled * rise {
-                return self.is_steep(place, &line).then_some(line);
+            let defect = self.defect(&search.line);
+            if search.is_settled(&defect, settled) {
+                return self.is_steep(place, &search.line).then_some(search.line);
             }
-            let slope = self.slope(&line, &defect);
-            rise = slope / defect.outward;
-            let step = defect.value / slope;
-            let converges = rise > F::of(CANCELLATION.recip()) && step.abs() < last * F::of(0.25);
+            let converges;
+            (search, converges) = self.step(place, &search, &defect);
             if !converges {
                 return None;
             }
-            last = step.abs();
-            line = self.line_across(place, &line, line.viewer[0] - step);
         }
         None
     }
 
+    /// `COUNT` steps of [`SliceProjector::newton`] without a branch, and whether it returns this line. Without a step the line stays.
+    #[inline(always)]
+    pub(super) fn steps<const COUNT: usize>(&self, place: &Place<F>, planar: Line<F>, settled: F) -> (Line<F>, bool) {
+        if COUNT == 0 {
+            return (planar, true);
+        }
+        let mut search = Search::from(planar);
+        let (mut is_settled, mut converges) = (false, true);
+        for _ in 0..COUNT {
+            let defect = self.defect(&search.line);
+            is_settled |= search.is_settled(&defect, settled);
+            let (next, nearer) = self.step(place, &search, &defect);
+            converges &= is_settled | nearer;
+            search = if is_settled { search } else { next };
+        }
+        is_settled |= search.is_settled(&self.defect(&search.line), settled);
+        (search.line, is_settled & converges & self.is_steep(place, &search.line))
+    }
+
+    /// One of Newton's steps, and whether it is so small that it converges.
+    #[inline(always)]
+    fn step(&self, place: &Place<F>, search: &Search<F>, defect: &Defect<F>) -> (Search<F>, bool) {
+        let slope = self.slope(&search.line, defect);
+        let rise = slope / defect.outward;
+        let step = defect.value / slope;
+        let converges = (rise > F::of(CANCELLATION.recip())) & (step.abs() < search.last * F::of(0.25));
+        let line = self.line_across(place, &search.line, search.line.viewer[0] - step);
+        (Search { line, rise, last: step.abs() }, converges)
+    }
+
     /// `o·e − i·e`.
-    #[inline]
+    #[inline(always)]
     fn defect(&self, line: &Line<F>) -> Defect<F> {
         let across = line.mirror[0] - self.projector[0];
         let up = line.mirror[1] - self.projector[1];
@@ -173,7 +232,7 @@ impl<F: Real> SliceProjector<F> {
     }
 
     /// The defect's derivative by the viewer's place across.
-    #[inline]
+    #[inline(always)]
     fn slope(&self, line: &Line<F>, defect: &Defect<F>) -> F {
         let [sin, cos] = self.tilt;
         let [x, _, z] = line.toward;
