@@ -103,6 +103,7 @@ pub fn missing(width: u32, luminance: &[f32], plane: &[u8]) -> Vec<f32> {
 }
 
 /// A 32-bit mix of three numbers (the finaliser of MurmurHash3 over their sum with odd multipliers).
+#[inline(always)]
 fn hash(a: u32, b: u32, c: u32) -> u32 {
     let mut mixed =
         a.wrapping_mul(0x9E37_79B1) ^ b.wrapping_mul(0x85EB_CA77).rotate_left(11) ^ c.wrapping_mul(0xC2B2_AE3D);

@@ -1,6 +1,7 @@
 //! Halftone by error diffusion in serpentine order: what a pixel's bit leaves unsaid, its neighbours to come are told.
 
 use super::{hash, plane_stride};
+use core::ops::Range;
 
 /// To whom an error goes, and how the threshold wanders.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,56 +54,221 @@ pub fn diffuse(
     plane: &mut [u8],
     correction: impl Fn(usize) -> f32,
 ) {
-    let columns = width as usize;
-    // Errors of the rows above, the nearest first, each with the way that it went; a margin holds what leaves the row.
-    let mut above = [0, 1].map(|_| (vec![0.0f32; columns + 2 * REACH], true));
-    let mut wanted = vec![0.0f32; columns];
-    let rows = luminance.chunks_exact(columns).zip(plane.chunks_exact_mut(plane_stride(width)));
-    for (y, (row, plane_row)) in (0u32..).zip(rows) {
-        plane_row.fill(0);
+    let slices = Slices { seeds: [seed], width, luminance: [luminance], shade: |value| value };
+    diffuse_corrected(kernel, slices, [plane], |_, cell, wanted| wanted + correction(cell));
+}
+
+/// Slices of one size.
+#[derive(Clone, Copy, Debug)]
+pub struct Slices<'a, const N: usize, T, S> {
+    /// What tells slices apart: their numbers in the turn.
+    pub seeds: [u32; N],
+    /// Columns.
+    pub width: u32,
+    /// Row major, as the caller keeps it.
+    pub luminance: [&'a [T]; N],
+    /// To linear luminance: see [`super::halftone`].
+    pub shade: S,
+}
+
+/// [`diffuse`] of `N` slices without a correction, a slice a lane, with the same bits: `N` is a power of two. `planes` are as
+/// [`super::halftone`] has them.
+///
+/// Within a slice a pixel waits for the one before it; slices do not wait for each other. Written for the caller's vector
+/// instructions.
+#[inline(always)]
+pub fn diffuse_lanes<const N: usize, T: Copy + Default, S: Fn(T) -> f32>(
+    kernel: &Kernel,
+    slices: Slices<'_, N, T, S>,
+    planes: [&mut [u8]; N],
+) {
+    diffuse_corrected(kernel, slices, planes, |_, _, wanted| wanted);
+}
+
+/// Pixels of a row that are done in one go: a word's bits.
+const GO: usize = 32;
+
+/// What `N` slices have at the places of a go.
+type Go<const N: usize> = [[f32; N]; GO];
+
+/// `correct` takes a lane, a cell of its slice, and what is wanted there.
+#[inline(always)]
+fn diffuse_corrected<const N: usize, T: Copy + Default, S: Fn(T) -> f32>(
+    kernel: &Kernel,
+    slices: Slices<'_, N, T, S>,
+    mut planes: [&mut [u8]; N],
+    correct: impl Fn(usize, usize, f32) -> f32,
+) {
+    let (columns, stride) = (slices.width as usize, plane_stride(slices.width));
+    let goes = columns.div_ceil(GO);
+    // Errors of the row and of those above, the nearest first; a margin holds what leaves the row.
+    let mut errors = [0; ROWS + 1].map(|_| vec![[0.0; N]; goes * GO + 2 * REACH]);
+    for y in 0..slices.luminance[0].len() / columns {
         let rightward = y % 2 == 0;
-        let lit = |luminance: &f32| *luminance > 0.0;
-        let span = row.iter().position(lit).unwrap_or(0)..row.iter().rposition(lit).map_or(0, |last| last + 1);
-        wanted[span.clone()].fill(0.0);
-        for ((errors, rightward), shares) in above.iter().zip(&kernel.below) {
-            gather(&errors[span.start..span.end + 2 * REACH], *rightward, shares, &mut wanted[span.clone()]);
-        }
-        above.swap(0, ROWS - 1);
-        let (errors, way) = &mut above[0];
-        errors.fill(0.0);
-        *way = rightward;
-        let (mut last, mut last_but_one) = (0.0, 0.0);
-        for step in 0..span.len() {
-            let x = if rightward { span.start + step } else { span.end - 1 - step };
-            let value = row[x];
-            let mut error = 0.0;
-            // Where nothing is, nothing is lit: the silhouette stays sharp, and an error carried over the gap is
-            // dropped.
-            if value > 0.0 {
-                let carried = wanted[x] + kernel.ahead[0] * last + kernel.ahead[1] * last_but_one;
-                let wanted = value.min(1.0) + carried + correction(y as usize * columns + x);
-                let set = value >= 1.0 || wanted > kernel.threshold(x as u32, y, seed);
-                plane_row[x / 8] |= u8::from(set) << (x % 8);
-                error = (wanted - f32::from(u8::from(set))).clamp(-2.0, 2.0);
-                errors[x + REACH] = error;
+        let [row, above @ ..] = &mut errors;
+        let mut carry = Carry { last: [0.0; N], last_but_one: [0.0; N] };
+        for go in 0..goes {
+            let x = GO * if rightward { go } else { goes - 1 - go };
+            let bytes = y * stride + x / 8..y * stride + stride.min((x + GO) / 8);
+            let cells = y * columns + x..y * columns + columns.min(x + GO);
+            let (luminance, is_lit) = slices.luminance(cells.clone());
+            let mut words = [0; N];
+            if is_lit {
+                let mut wanted = [[0.0; N]; GO];
+                for (row, (errors, shares)) in above.iter().zip(&kernel.below).enumerate() {
+                    gather(&errors[x..], rightward == (row % 2 == 1), shares, &mut wanted);
+                }
+                let go =
+                    Decision { luminance, wanted, thresholds: kernel.thresholds(x as u32, y as u32, slices.seeds) };
+                let correct = |lane, place, wanted| correct(lane, cells.start + place, wanted);
+                words = go.decide(kernel, (cells.len(), rightward), &mut carry, &mut row[x + REACH..], correct);
+            } else {
+                // Where nothing is, nothing is lit: the silhouette stays sharp, and an error carried over the gap is dropped.
+                row[x + REACH..][..GO].fill([0.0; N]);
+                carry = Carry { last: [0.0; N], last_but_one: [0.0; N] };
             }
-            (last, last_but_one) = (error, last);
+            for (plane, word) in planes.iter_mut().zip(words) {
+                let plane = &mut plane[bytes.clone()];
+                plane.copy_from_slice(&word.to_le_bytes()[..plane.len()]);
+            }
         }
+        errors.rotate_right(1);
     }
 }
 
-/// Adds to each pixel what the errors of a row above leave it.
-fn gather(errors: &[f32], rightward: bool, shares: &[f32; TAPS], wanted: &mut [f32]) {
+impl<const N: usize, T: Copy + Default, S: Fn(T) -> f32> Slices<'_, N, T, S> {
+    /// The luminance at `cells` of each slice, a lane a slice, dark beyond, and whether any of it is lit.
+    #[inline(always)]
+    fn luminance(&self, cells: Range<usize>) -> (Go<N>, bool) {
+        let mut raw = [[T::default(); GO]; N];
+        for (raw, luminance) in raw.iter_mut().zip(self.luminance) {
+            let luminance = &luminance[cells.clone()];
+            // A copy of known length is a few instructions.
+            match luminance.try_into() {
+                Ok(whole) => *raw = whole,
+                Err(_) => raw[..luminance.len()].copy_from_slice(luminance),
+            }
+        }
+        let mut rows = [[0.0; GO]; N];
+        let mut lit = 0;
+        for (value, raw) in rows.as_flattened_mut().iter_mut().zip(raw.as_flattened()) {
+            *value = (self.shade)(*raw);
+            lit |= u32::from(*value > 0.0);
+        }
+        let is_lit = lit != 0;
+        (if is_lit { to_lanes(rows) } else { [[0.0; N]; GO] }, is_lit)
+    }
+}
+
+/// Transposes: log N perfect shuffles, which are vector instructions where moving each number by itself is not.
+#[inline(always)]
+fn to_lanes<const N: usize>(mut rows: [[f32; GO]; N]) -> Go<N> {
+    const { assert!(N.is_power_of_two()) };
+    let mut lanes = [[0.0; N]; GO];
+    for stage in 0..N.ilog2() {
+        if stage % 2 == 0 {
+            shuffle(rows.as_flattened(), lanes.as_flattened_mut());
+        } else {
+            shuffle(lanes.as_flattened(), rows.as_flattened_mut());
+        }
+    }
+    if N.ilog2() % 2 == 0 {
+        lanes.as_flattened_mut().copy_from_slice(rows.as_flattened());
+    }
+    lanes
+}
+
+/// The two halves, one from each in turn.
+#[inline(always)]
+fn shuffle(from: &[f32], to: &mut [f32]) {
+    let (low, high) = from.split_at(from.len() / 2);
+    for (pair, (low, high)) in to.chunks_exact_mut(2).zip(low.iter().zip(high)) {
+        pair[0] = *low;
+        pair[1] = *high;
+    }
+}
+
+/// Adds to each pixel what the errors of a row above, from [`REACH`] to the left on, leave it.
+#[inline(always)]
+fn gather<const N: usize>(errors: &[[f32; N]], rightward: bool, shares: &[f32; TAPS], wanted: &mut Go<N>) {
     let mut shares = *shares;
     if rightward {
         shares.reverse();
     }
-    for (wanted, errors) in wanted.iter_mut().zip(errors.windows(TAPS)) {
-        *wanted += errors.iter().zip(&shares).map(|(error, share)| error * share).sum::<f32>();
+    let errors = errors[..GO + 2 * REACH].as_flattened();
+    for (place, wanted) in wanted.as_flattened_mut().iter_mut().enumerate() {
+        let mut sum = errors[place] * shares[0];
+        for tap in 1..TAPS {
+            sum += errors[place + tap * N] * shares[tap];
+        }
+        *wanted += sum;
+    }
+}
+
+/// The errors of the last two pixels.
+struct Carry<const N: usize> {
+    last: [f32; N],
+    last_but_one: [f32; N],
+}
+
+/// What the bits of a go follow from.
+struct Decision<const N: usize> {
+    luminance: Go<N>,
+    /// From the rows above.
+    wanted: Go<N>,
+    thresholds: Go<N>,
+}
+
+impl<const N: usize> Decision<N> {
+    /// The bits of each lane, pixel after pixel; `errors` are what they leave unsaid.
+    #[inline(always)]
+    fn decide(
+        &self,
+        kernel: &Kernel,
+        (count, rightward): (usize, bool),
+        carry: &mut Carry<N>,
+        errors: &mut [[f32; N]],
+        correct: impl Fn(usize, usize, f32) -> f32,
+    ) -> [u32; N] {
+        let errors = &mut errors[..GO];
+        let mut words = [0; N];
+        let Carry { mut last, mut last_but_one } = *carry;
+        for step in 0..count.min(GO) {
+            let x = if rightward { step } else { count - 1 - step };
+            let (luminance, above, thresholds) = (&self.luminance[x], &self.wanted[x], &self.thresholds[x]);
+            let mut error = [0.0; N];
+            for lane in 0..N {
+                let value = luminance[lane];
+                let carried = above[lane] + kernel.ahead[0] * last[lane] + kernel.ahead[1] * last_but_one[lane];
+                let capped = if value < 1.0 { value } else { 1.0 };
+                let wanted = correct(lane, x, capped + carried);
+                let is_set = (value >= 1.0) | (wanted > thresholds[lane]);
+                let left = (if is_set { wanted - 1.0 } else { wanted }).clamp(-2.0, 2.0);
+                error[lane] = if value > 0.0 { left } else { 0.0 };
+                words[lane] |= u32::from(is_set & (value > 0.0)) << x;
+            }
+            errors[x] = error;
+            (last, last_but_one) = (error, last);
+        }
+        *carry = Carry { last, last_but_one };
+        words
     }
 }
 
 impl Kernel {
+    /// Of a go from (x, y) on.
+    #[inline(always)]
+    fn thresholds<const N: usize>(&self, x: u32, y: u32, seeds: [u32; N]) -> Go<N> {
+        let mut thresholds = [[0.0; N]; GO];
+        for (x, lanes) in (x..).zip(&mut thresholds) {
+            for lane in 0..N {
+                lanes[lane] = self.threshold(x, y, seeds[lane]);
+            }
+        }
+        thresholds
+    }
+
+    #[inline(always)]
     fn threshold(&self, x: u32, y: u32, seed: u32) -> f32 {
         let colour = if (x ^ y ^ seed) & 1 == 0 { -0.5 } else { 0.5 };
         let noise = (hash(x, y, seed) >> 8) as f32 / (1 << 24) as f32 - 0.5;
