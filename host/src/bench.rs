@@ -59,11 +59,15 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Of `values`, of which there must be one at least.
+    /// Of `values`, of which there must be one at least; linear between neighbours.
     pub fn of(mut values: Vec<f64>) -> Self {
         values.sort_by(f64::total_cmp);
-        let at = |part: usize| values[(values.len() - 1) * part / 4];
-        Self { least: at(0), lower: at(1), median: at(2), upper: at(3) }
+        let at = |part: f64| {
+            let place = part * (values.len() - 1) as f64;
+            let (below, above) = (values[place.floor() as usize], values[place.ceil() as usize]);
+            below + (above - below) * place.fract()
+        };
+        Self { least: at(0.0), lower: at(0.25), median: at(0.5), upper: at(0.75) }
     }
 }
 
@@ -247,4 +251,42 @@ fn with_slices(rig: &Rig, slices: u32) -> Rig {
         other.rotation.slices = slices;
         other
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rigs;
+    use crate::scene::{Scene, Shading, shade};
+
+    #[test]
+    fn quartiles_are_those_of_the_textbook() {
+        let spread = Spread::of(vec![4.0, 1.0, 3.0, 2.0, 5.0]);
+        assert_eq!(spread, Spread { least: 1.0, lower: 2.0, median: 3.0, upper: 4.0 });
+        assert_eq!(Spread::of(vec![1.0, 2.0, 4.0, 8.0]).median, 3.0);
+        assert_eq!(Spread::of(vec![7.0]), Spread { least: 7.0, lower: 7.0, median: 7.0, upper: 7.0 });
+    }
+
+    #[test]
+    fn both_models_are_cut_for_the_same_budget_and_sweeps_keep_the_turn_rate() {
+        let scenes = [("boxes".to_string(), shade(&Scene::load("boxes").unwrap(), Shading::Lambert, false))];
+        let rig = rigs::find("reference").unwrap();
+        let wish = Wish {
+            scenes: &scenes,
+            rig: &rig,
+            renderers: &[Who::Clear, Who::CpuPortable],
+            projections: &[Projection::Planar, Projection::ConeNewton],
+            halftones: &[Halftone::BlueNoise, Halftone::Bayer],
+            budget_px: 0.5,
+            sweep: true,
+        };
+        let cases = cases(&wish, &|| ()).unwrap();
+        let (swept, main): (Vec<_>, Vec<_>) = cases.iter().partition(|case| case.is_of_sweep);
+        assert_eq!((main.len(), swept.len()), (8, 10));
+        let [planar, cone] = [0, 4].map(|index| Plan { projection: Projection::Planar, ..main[index].plan });
+        assert!(planar == cone && main[4].plan.projection == Projection::ConeNewton);
+        assert!(main.iter().all(|case| case.triangles > 2 * scenes[0].1.triangles.len()));
+        assert!(swept.iter().all(|case| (case.rig.turns_per_second() - 20.0).abs() < 1e-9));
+        assert_eq!((main[0].slices().len(), main[1].slices().len()), (24, 288));
+    }
 }

@@ -31,8 +31,8 @@ struct Plot {
     lines: Vec<Line>,
     /// Whether a time in proportion to x is drawn beside each line, from its first point.
     naive: bool,
-    /// A time with its name.
-    limit: (f64, &'static str),
+    /// How long the rig takes for a turn.
+    limit_ms: f64,
 }
 
 /// The report as SVG.
@@ -118,7 +118,7 @@ fn by_triangles(report: &Report) -> Plot {
         across: "triangles",
         lines,
         naive: false,
-        limit: (1e3 / report.rig_turns_per_second, "as fast as the rig turns"),
+        limit_ms: 1e3 / report.rig_turns_per_second,
     }
 }
 
@@ -134,7 +134,7 @@ fn by_slices(report: &Report, scene: &str) -> Plot {
         across: "slices a turn",
         lines: lines.collect(),
         naive: true,
-        limit: (1e3 / report.rig_turns_per_second, ""),
+        limit_ms: 1e3 / report.rig_turns_per_second,
     }
 }
 
@@ -147,8 +147,11 @@ impl Plot {
     where
         B::ErrorType: 'static,
     {
-        let times =
-            self.lines.iter().flat_map(|line| line.points.iter().flat_map(|point| point.1)).chain([self.limit.0]);
+        let (from, to) = self.xs().fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), x| (low.min(x), high.max(x)));
+        let first = self.lines.iter().filter(|_| self.naive).filter_map(|line| line.points.first());
+        let naive = first.map(|(x, [_, middle, _])| middle * to / x);
+        let measured = self.lines.iter().flat_map(|line| line.points.iter().flat_map(|point| point.1));
+        let times = measured.chain(naive).chain([self.limit_ms]);
         let mut chart = ChartBuilder::on(area)
             .caption(&self.title, ink(16))
             .margin(10)
@@ -165,10 +168,9 @@ impl Plot {
             .bold_line_style(FAINT)
             .light_line_style(PAPER)
             .draw()?;
-        let (from, to) = self.xs().fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), x| (low.min(x), high.max(x)));
-        let (limit, name) = self.limit;
+        let limit = self.limit_ms;
         chart.draw_series(DashedLineSeries::new([(from, limit), (to, limit)], 2, 4, INK.into()))?;
-        chart.draw_series([Text::new(name, (from, limit * 0.97), ink(12))])?;
+        chart.draw_series([Text::new("as fast as the rig turns", (from, limit * 0.97), ink(12))])?;
         for Line { colour, is_hollow, points, .. } in &self.lines {
             chart.draw_series(LineSeries::new(points.iter().map(|(x, [_, middle, _])| (*x, *middle)), *colour))?;
             for (x, [lower, middle, upper]) in points {

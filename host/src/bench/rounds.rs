@@ -14,6 +14,7 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::time::Instant;
 
 /// How much is measured.
@@ -33,6 +34,9 @@ pub const ROUNDS_MAX: u32 = 500;
 /// A case that is quick is rendered until this has passed before the next one is: turn after turn, as it is used.
 const VISIT: Duration = Duration::from_millis(100);
 const VISIT_TURNS_MAX: u32 = 8;
+
+/// A call that takes so long takes about as long when it is not the first.
+const SLOW_S: f64 = 1.0;
 
 /// What is being done: its name, how much of it has been done, and how much there is.
 pub type Progress<'a> = dyn Fn(&'static str, u64, u64) + 'a;
@@ -111,8 +115,8 @@ fn key(case: &Case<'_>) -> (u32, bool) {
 fn turns_for(cases: &[Case<'_>]) -> Result<Turns, RenderError> {
     let mut turns = Turns::new();
     for case in cases {
-        if !turns.contains_key(&key(case)) {
-            turns.insert(key(case), (case.rig.clone(), dark_turn(&case.rig, &case.plan)?));
+        if let Entry::Vacant(place) = turns.entry(key(case)) {
+            place.insert((case.rig.clone(), dark_turn(&case.rig, &case.plan)?));
         }
     }
     Ok(turns)
@@ -139,7 +143,8 @@ fn empty(cases: &[Case<'_>], seed: u64) -> Report {
 }
 
 impl<'a> Runner<'a> {
-    /// Prepares a case and renders it twice: the first time allocates and compiles, the second shows how long it takes.
+    /// Prepares a case and renders it: the first time allocates and compiles, so that of a quick one only the second shows how long it
+    /// takes.
     fn new(case: &'a Case<'a>, renderer: &'a dyn Renderer, turns: &mut Turns) -> Result<Self, RenderError> {
         let start = Instant::now();
         let prepared = renderer.prepare(case.scene, &case.rig, &case.plan)?;
@@ -155,8 +160,10 @@ impl<'a> Runner<'a> {
             stages: BTreeMap::new(),
         };
         runner.visit(turns)?;
-        runner.forget();
-        runner.visit(turns)?;
+        if runner.once_s() < SLOW_S {
+            runner.forget();
+            runner.visit(turns)?;
+        }
         runner.turns = ((VISIT.as_secs_f64() / runner.once_s().max(1e-6)) as u32).clamp(1, VISIT_TURNS_MAX);
         Ok(runner)
     }
