@@ -1,10 +1,12 @@
 //! Praxinoscope's host library: a scene becomes the slices of a turn, the turn reaches a device, and what an eye sees of it.
 
 pub mod bake;
+pub mod bench;
 pub mod chart;
 pub mod commands;
 pub mod input;
 pub mod link;
+pub mod machine;
 pub mod measure;
 pub mod output;
 pub mod picture;

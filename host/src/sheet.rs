@@ -1,5 +1,7 @@
 //! Pictures with words: sheets of labelled tiles, plots with axes, animations.
 
+pub(crate) mod axis;
+
 use crate::picture::{Picture, png, srgb_byte};
 use epaint_default_fonts::HACK_REGULAR;
 use image::{DynamicImage, RgbImage};
@@ -21,7 +23,7 @@ const TITLE_PX: i32 = 22;
 const FONT: &str = "monospace";
 
 /// Makes [`FONT`] known to the drawing library.
-pub(crate) fn with_font() {
+fn with_font() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
         // Refused only for bytes that are no font.
@@ -48,6 +50,22 @@ pub(crate) fn draw(
         paint(&area).expect("drawing in memory");
     }
     png(&DynamicImage::from(RgbImage::from_raw(width, height, pixels).expect("as many bytes as pixels")))
+}
+
+/// Draws in memory and gives the SVG.
+pub(crate) fn draw_svg(
+    width: u32,
+    height: u32,
+    paint: impl FnOnce(&DrawingArea<SVGBackend<'_>, Shift>) -> Drawing,
+) -> String {
+    with_font();
+    let mut text = String::new();
+    {
+        let area = SVGBackend::with_string(&mut text, (width, height)).into_drawing_area();
+        area.fill(&PAPER).map_err(|error| error.to_string()).expect("drawing in memory");
+        paint(&area).expect("drawing in memory");
+    }
+    text
 }
 
 /// A tile of a sheet.

@@ -456,3 +456,37 @@ fn every_command_has_help_with_an_example() {
         assert!(output.status.success() && text.contains("Example: praxi "), "{command}: {text}");
     }
 }
+
+#[test]
+fn renderers_are_timed_and_bad_wishes_refused() {
+    let desk = Desk::new();
+    let bench = "bench --scene boxes --rig small.toml";
+    let slow_and_fast = format!("{bench} --renderer clear --renderer cpu-portable");
+    let report = desk.json(&format!("{slow_and_fast} --rounds 2 --halftone blue-noise --slices-sweep --out bench"));
+    let rows = report["rows"].as_array().unwrap();
+    // Two renderers, two models; and the first model with five other slice counts.
+    assert_eq!(rows.len(), 4 + 2 * 5, "{report}");
+    assert!(rows.iter().all(|row| row["turn_ms"]["median"].as_f64().unwrap() > 0.0 && row["times_faster"].is_f64()));
+    assert!(rows[0]["slices_rendered"] == 4 && rows[1]["slices_rendered"] == 48 && rows[0]["slices"] == 48);
+    #[cfg(target_os = "linux")]
+    assert!(rows[0]["peak_bytes"].as_f64().unwrap() > 1e6 && rows[0]["cores_ms"].is_f64());
+    assert_eq!((&report["baseline"], &report["rounds"]), (&"clear".into(), &2.into()));
+    let text = fs::read_to_string(desk.path("bench/bench.txt")).unwrap();
+    assert!(text.contains("cpu-portable") && text.contains("packing 48 slices"), "{text}");
+    assert!(fs::read_to_string(desk.path("bench/bench.svg")).unwrap().contains("<svg"));
+    assert!(image::open(desk.path("bench/bench.png")).unwrap().width() > 1000);
+    let quick = desk.json(&format!("{slow_and_fast} --quick --out bench"));
+    assert_eq!(quick["rows"].as_array().unwrap().len(), 2);
+
+    desk.refuses("bench --scene nosuch.obj --quick", &["nosuch.obj", "No such file"]);
+    desk.refuses("bench --scene knot --quick", &["knot", ".obj"]);
+    desk.refuses(&format!("{bench} --scene boxes"), &["boxes", "own name"]);
+    desk.refuses(&format!("{bench} --rounds 0"), &["--rounds", "1..=500"]);
+    desk.refuses(&format!("{bench} --seconds 0"), &["--seconds", "0.1"]);
+    desk.refuses(&format!("{bench} --rounds 3 --seconds 3"), &["--rounds", "--seconds"]);
+    desk.refuses(&format!("{bench} --budget-px 1e-12"), &["most accurate"]);
+    desk.refuses(&format!("{bench} --renderer fast"), &["--renderer", "cpu-portable", "gpu-slice"]);
+    desk.refuses(&format!("{bench} --adapter nosuch"), &["gpu-slice", "no GPU adapter", "nosuch"]);
+    desk.refuses(&format!("{bench} --renderer gpu-compute --adapter nosuch"), &["gpu-compute", "nosuch"]);
+    desk.refuses(&format!("{bench} --halftone joint"), &["joint", "blue-noise"]);
+}

@@ -1,6 +1,7 @@
 //! Arguments that several commands share.
 
 use super::{Failure, warn};
+use crate::machine::check_memory;
 use crate::picture::Picture;
 use crate::render::Renderer;
 use crate::render::clear::ClearRenderer;
@@ -54,10 +55,7 @@ impl ShadingArg {
 impl SceneArgs {
     /// Loads, fits and lights the scene; prints its notes as warnings.
     pub(super) fn load(&self) -> Result<(Scene, ShadedScene), Failure> {
-        let mut scene = Scene::load(&self.scene)?;
-        for note in &scene.notes {
-            warn(format!("{}: {note}", self.scene));
-        }
+        let mut scene = load(&self.scene)?;
         if let Some(extent) = self.fit_m {
             scene.fit(extent as f32);
         }
@@ -90,6 +88,30 @@ impl SceneArgs {
             (fit * 1e3).floor() / 1e3,
         ));
     }
+}
+
+/// Bytes for a triangle of a scene once it is loaded: lit, with shared vertices, and cut, 444 by a count of 5 million.
+const TRIANGLE_BYTES: u64 = 450;
+
+/// Loads a scene, if there is memory to render it; prints its notes as warnings.
+fn load(path: &str) -> Result<Scene, Failure> {
+    let scene = Scene::load(path)?;
+    check_memory("rendering so many triangles", TRIANGLE_BYTES * scene.triangles.len() as u64)
+        .map_err(|error| Failure(format!("{path}: {} triangles: {error}", scene.triangles.len())))?;
+    for note in &scene.notes {
+        warn(format!("{path}: {note}"));
+    }
+    Ok(scene)
+}
+
+/// The name of a scene, and the scene in the measure's light; one from a file scaled to `fit_m` metres.
+pub(super) fn load_fitted(path: &str, fit_m: f64) -> Result<(String, ShadedScene), Failure> {
+    let mut scene = load(path)?;
+    let is_file = std::path::Path::new(path).extension().is_some();
+    if is_file {
+        scene.fit(fit_m as f32);
+    }
+    Ok((scene.name.clone(), shade(&scene, Shading::Lambert, false)))
 }
 
 /// By which methods a turn is rendered: chosen within a budget, or fixed.
@@ -238,7 +260,7 @@ pub(super) fn pixels(error: f64) -> String {
 }
 
 /// A budget.
-fn budget(text: &str) -> Result<f64, String> {
+pub(super) fn budget(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "must be a number above 0".to_string())?;
     if value > 0.0 && value.is_finite() { Ok(value) } else { Err("must be a number above 0".into()) }
 }

@@ -1,11 +1,11 @@
 //! `praxi chart`: speed against accuracy, in one folder.
 
-use super::args::positive;
-use super::{Failure, say, say_json, warn};
+use super::args::{load_fitted, positive};
+use super::{Failure, say, say_json};
 use crate::chart::{self, Chart, Effort, Job};
 use crate::output::Folder;
 use crate::rigs;
-use crate::scene::{Scene, ShadedScene, Shading, shade};
+use crate::scene::ShadedScene;
 use indicatif::{ProgressBar, ProgressStyle};
 use protocol::rig::Rig;
 use std::path::PathBuf;
@@ -39,7 +39,7 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let rigs: Vec<Rig> = args.rigs.iter().map(|name| rigs::find(name)).collect::<Result<_, _>>()?;
     let scenes: Vec<(String, ShadedScene)> =
-        args.scenes.iter().map(|name| load(name, args.fit_m)).collect::<Result<_, _>>()?;
+        args.scenes.iter().map(|name| load_fitted(name, args.fit_m)).collect::<Result<_, _>>()?;
     let folder = Folder::begin(&args.out)?;
     let jobs: Vec<Job<'_>> =
         scenes.iter().flat_map(|(name, scene)| rigs.iter().map(move |rig| Job { name, scene, rig })).collect();
@@ -61,18 +61,6 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     folder.finish()?;
     report(args, &chart, &summary);
     Ok(())
-}
-
-fn load(name: &str, fit_m: f64) -> Result<(String, ShadedScene), Failure> {
-    let mut scene = Scene::load(name)?;
-    for note in &scene.notes {
-        warn(format!("{name}: {note}"));
-    }
-    let is_file = std::path::Path::new(name).extension().is_some();
-    if is_file {
-        scene.fit(fit_m as f32);
-    }
-    Ok((scene.name.clone(), shade(&scene, Shading::Lambert, false)))
 }
 
 fn report(args: &Args, chart: &Chart, summary: &str) {

@@ -2,6 +2,7 @@
 
 mod args;
 mod bake;
+mod bench;
 mod chart;
 mod compare;
 mod demo;
@@ -36,6 +37,7 @@ enum Command {
     See(see::Args),
     Plan(plan::Args),
     Chart(chart::Args),
+    Bench(bench::Args),
     Truth(truth::Args),
     Compare(compare::Args),
     Project(project::Args),
@@ -70,6 +72,7 @@ pub fn main() -> ExitCode {
         Command::Bake(args) => bake::run(&args),
         Command::See(args) => see::run(&args),
         Command::Chart(args) => chart::run(&args),
+        Command::Bench(args) => bench::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Truth(args) => truth::run(&args),
         Command::Compare(args) => compare::run(&args),

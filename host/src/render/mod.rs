@@ -20,6 +20,7 @@ pub mod turn;
 mod visible;
 
 use crate::scene::ShadedScene;
+use core::time::Duration;
 use plan::Plan;
 use protocol::rig::Rig;
 use thiserror::Error;
@@ -90,6 +91,12 @@ pub trait Renderer: Send + Sync {
 pub trait Prepared: Send {
     /// Renders what is wanted into `turn`, which [`dark_turn`] or an earlier call has made; the other slices stay as they are.
     fn render(&mut self, wanted: Wanted<'_>, turn: &mut Turn) -> Result<(), RenderError>;
+
+    /// Where the time of the last call of [`Prepared::render`] went, in order: of all cores together on the CPU, of the device on a GPU.
+    /// `None` where nobody has taken it.
+    fn stages(&self) -> Option<Vec<(&'static str, Duration)>> {
+        None
+    }
 }
 
 /// What to render.
