@@ -71,10 +71,13 @@ fn every_mask_is_the_same() {
     }
 }
 
+/// What goes wrong in a slice's plane, with so many bytes in a row.
+type Fault = fn(&mut [u8], usize);
+
 /// The clear renderer with a fault in one slice.
 struct Broken {
     slice: u32,
-    fault: fn(&mut [u8], usize),
+    fault: Fault,
 }
 
 struct BrokenJob<'a> {
@@ -136,7 +139,7 @@ fn a_broken_renderer_is_found() {
         let scene = scene(name);
         let exact = Exact::new(&scene, &rig, plan(Projection::ConeNewton, Halftone::BlueNoise), &SLICES[3..6]);
         assert!(exact.against(&ClearRenderer).unwrap().iter().all(|one| one.differing == 0));
-        let faults: [(&str, fn(&mut [u8], usize)); 2] = [("lower", lower), ("right", right)];
+        let faults: [(&str, Fault); 2] = [("lower", lower), ("right", right)];
         for (fault_name, fault) in faults {
             let found = exact.against(&Broken { slice: SLICES[4], fault }).unwrap();
             let holds: Vec<bool> = found.iter().map(|one| one.holds()).collect();
