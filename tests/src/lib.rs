@@ -1,5 +1,6 @@
 //! What the whole-system tests share. The tests themselves live in `tests/`.
 
+pub mod agree;
 pub mod rule;
 
 use glam::{DVec3, Vec2, Vec3};

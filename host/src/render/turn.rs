@@ -1,5 +1,6 @@
 //! All slices of one rotation.
 
+use crate::machine::memory_left;
 use shaders::halftone::plane_stride;
 use thiserror::Error;
 
@@ -8,10 +9,12 @@ const BYTES_MAX: u64 = 6 << 30;
 
 /// A turn that would not fit in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("a turn of {:.1} GB: at most {:.1} GB are allowed, so fewer slices or pixels, or no grey", *bytes as f64 / 1e9, BYTES_MAX as f64 / 1e9)]
+#[error("a turn of {:.1} GB: at most {:.1} GB are allowed, so fewer slices or pixels, or no grey", *bytes as f64 / 1e9, *allowed as f64 / 1e9)]
 pub struct TurnTooLarge {
     /// Its size.
     pub bytes: u64,
+    /// The most that a turn may have, or all that this machine has left if that is less.
+    pub allowed: u64,
 }
 
 /// What a pixel of a slice holds.
@@ -37,8 +40,9 @@ impl Turn {
     pub fn dark(slices: u32, width: u32, height: u32, depth: Depth) -> Result<Self, TurnTooLarge> {
         let mut turn = Self { width, height, depth, data: Vec::new() };
         let bytes = turn.slice_bytes() as u64 * u64::from(slices);
-        if bytes > BYTES_MAX {
-            return Err(TurnTooLarge { bytes });
+        let allowed = memory_left().unwrap_or(u64::MAX).min(BYTES_MAX);
+        if bytes > allowed {
+            return Err(TurnTooLarge { bytes, allowed });
         }
         turn.data = vec![0; bytes as usize];
         Ok(turn)
