@@ -37,6 +37,19 @@ pub enum Halftone {
     AlternatingDiffusion,
 }
 
+impl Halftone {
+    /// The kernel by which this is an error diffusion and nothing else in turn `turn`: slices can then be made many at once by
+    /// [`diffusion::diffuse_lanes`], with the same bits.
+    pub fn diffusion(self, turn: u32) -> Option<&'static Kernel> {
+        match self {
+            Self::FloydSteinberg => Some(&Kernel::FLOYD_STEINBERG),
+            Self::OptimisedDiffusion => Some(&Kernel::OPTIMISED),
+            Self::AlternatingDiffusion if turn % 2 == 0 => Some(&Kernel::OPTIMISED),
+            _ => None,
+        }
+    }
+}
+
 /// The slot in time and space that a slice fills, for the methods that mind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slot {
@@ -78,12 +91,12 @@ pub fn halftone(method: Halftone, slot: Slot, width: u32, luminance: &[f32], pla
         Halftone::BlueNoise3d => mask::by_square(width, luminance, plane, VOLUME_SIDE, &mask::volume_slice(slice)),
         Halftone::WhiteNoise => mask::by_mask(width, luminance, plane, |x, y| mask::white_threshold(x, y, slice)),
         Halftone::Bayer => mask::by_mask(width, luminance, plane, mask::bayer_threshold),
-        Halftone::FloydSteinberg => diffuse(&Kernel::FLOYD_STEINBERG, slice, width, luminance, plane, |_| 0.0),
-        Halftone::OptimisedDiffusion => diffuse(&Kernel::OPTIMISED, slice, width, luminance, plane, |_| 0.0),
         Halftone::Search => {
             diffuse(&Kernel::OPTIMISED, slice, width, luminance, plane, |_| 0.0);
             search::improve(slot.blur, width, luminance, plane);
         }
+        Halftone::FloydSteinberg => diffuse(&Kernel::FLOYD_STEINBERG, slice, width, luminance, plane, |_| 0.0),
+        Halftone::OptimisedDiffusion => diffuse(&Kernel::OPTIMISED, slice, width, luminance, plane, |_| 0.0),
         Halftone::AlternatingDiffusion => {
             diffuse(&Kernel::OPTIMISED, slice, width, luminance, plane, |_| 0.0);
             if turn % 2 == 1 {

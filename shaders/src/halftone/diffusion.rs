@@ -118,8 +118,8 @@ fn diffuse_corrected<const N: usize, T: Copy + Default, S: Fn(T) -> f32>(
                 for (row, (errors, shares)) in above.iter().zip(&kernel.below).enumerate() {
                     gather(&errors[x..], rightward == (row % 2 == 1), shares, &mut wanted);
                 }
-                let go =
-                    Decision { luminance, wanted, thresholds: kernel.thresholds(x as u32, y as u32, slices.seeds) };
+                let thresholds = kernel.thresholds([x as u32, y as u32], slices.seeds, &luminance);
+                let go = Decision { luminance, wanted, thresholds };
                 let correct = |lane, place, wanted| correct(lane, cells.start + place, wanted);
                 words = go.decide(kernel, (cells.len(), rightward), &mut carry, &mut row[x + REACH..], correct);
             } else {
@@ -242,10 +242,10 @@ impl<const N: usize> Decision<N> {
                 let carried = above[lane] + kernel.ahead[0] * last[lane] + kernel.ahead[1] * last_but_one[lane];
                 let capped = if value < 1.0 { value } else { 1.0 };
                 let wanted = correct(lane, x, capped + carried);
-                let is_set = (value >= 1.0) | (wanted > thresholds[lane]);
+                let is_set = wanted > thresholds[lane];
                 let left = (if is_set { wanted - 1.0 } else { wanted }).clamp(-2.0, 2.0);
                 error[lane] = if value > 0.0 { left } else { 0.0 };
-                words[lane] |= u32::from(is_set & (value > 0.0)) << x;
+                words[lane] |= u32::from(is_set) << x;
             }
             errors[x] = error;
             (last, last_but_one) = (error, last);
@@ -256,14 +256,18 @@ impl<const N: usize> Decision<N> {
 }
 
 impl Kernel {
-    /// Of a go from (x, y) on.
+    /// Of a go from (x, y) on; nothing is above that of a dark pixel, and everything above that of a full one.
     #[inline(always)]
-    fn thresholds<const N: usize>(&self, x: u32, y: u32, seeds: [u32; N]) -> Go<N> {
+    fn thresholds<const N: usize>(&self, [x, y]: [u32; 2], seeds: [u32; N], luminance: &Go<N>) -> Go<N> {
         let mut thresholds = [[0.0; N]; GO];
         for (x, lanes) in (x..).zip(&mut thresholds) {
             for lane in 0..N {
                 lanes[lane] = self.threshold(x, y, seeds[lane]);
             }
+        }
+        for (threshold, value) in thresholds.as_flattened_mut().iter_mut().zip(luminance.as_flattened()) {
+            let below_full = if *value >= 1.0 { f32::NEG_INFINITY } else { *threshold };
+            *threshold = if *value > 0.0 { below_full } else { f32::INFINITY };
         }
         thresholds
     }
@@ -277,77 +281,4 @@ impl Kernel {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The shares of a kernel with the offsets that they go to, rightward.
-    fn shares(kernel: &Kernel) -> Vec<([f64; 2], f64)> {
-        let ahead = (0..).zip(kernel.ahead).map(|(step, share)| ([f64::from(step) + 1.0, 0.0], f64::from(share)));
-        let below = (1..).zip(kernel.below).flat_map(|(row, shares)| {
-            (-2..).zip(shares).map(move |(column, share)| ([f64::from(column), f64::from(row)], f64::from(share)))
-        });
-        ahead.chain(below).collect()
-    }
-
-    #[test]
-    fn no_error_is_lost() {
-        for kernel in [Kernel::FLOYD_STEINBERG, Kernel::OPTIMISED] {
-            let sum: f64 = shares(&kernel).iter().map(|(_, share)| share).sum();
-            assert!((sum - 1.0).abs() < 1e-6, "{sum}");
-        }
-    }
-
-    /// Where shares of a given sum are best, the derivative of |g ∗ (δ − h)|² + 0.02 |h|² is the same for all of them.
-    #[test]
-    fn the_optimised_shares_are_the_best() {
-        // g ⋆ g of a Gaussian of σ has √2 σ; in units of its peak.
-        let blurred = |[ax, ay]: [f64; 2], [bx, by]: [f64; 2]| (-((ax - bx).powi(2) + (ay - by).powi(2)) / 9.0).exp();
-        let spread = |kernel: &Kernel| {
-            let shares = shares(kernel);
-            let slopes = shares.iter().map(|(place, share)| {
-                let others: f64 = shares.iter().map(|(other, share)| share * blurred(*place, *other)).sum();
-                others - blurred(*place, [0.0, 0.0]) + 0.02 * share
-            });
-            let (low, high) = slopes.fold((f64::MAX, f64::MIN), |(low, high), slope| (low.min(slope), high.max(slope)));
-            high - low
-        };
-        assert!(spread(&Kernel::OPTIMISED) < 0.003, "{}", spread(&Kernel::OPTIMISED));
-        assert!(spread(&Kernel::FLOYD_STEINBERG) > 0.03, "{}", spread(&Kernel::FLOYD_STEINBERG));
-    }
-
-    /// The same written the other way round: each pixel hands out its error.
-    fn scattered(kernel: &Kernel, seed: u32, width: usize, luminance: &[f32]) -> Vec<u8> {
-        let mut plane = vec![0; luminance.len() / width * plane_stride(width as u32)];
-        let mut handed = vec![0.0; luminance.len()];
-        for (y, row) in luminance.chunks_exact(width).enumerate() {
-            let way = if y % 2 == 0 { 1 } else { -1 };
-            for step in 0..width {
-                let x = if way > 0 { step } else { width - 1 - step };
-                if row[x] <= 0.0 {
-                    continue;
-                }
-                let wanted = f64::from(row[x]) + handed[y * width + x];
-                let lit = wanted > f64::from(kernel.threshold(x as u32, y as u32, seed));
-                plane[y * plane_stride(width as u32) + x / 8] |= u8::from(lit) << (x % 8);
-                for ([dx, dy], share) in shares(kernel) {
-                    let (to, below) = (x as i32 + way * dx as i32, y + dy as usize);
-                    if (0..width as i32).contains(&to) && below < luminance.len() / width {
-                        handed[below * width + to as usize] += share * (wanted - f64::from(u8::from(lit)));
-                    }
-                }
-            }
-        }
-        plane
-    }
-
-    #[test]
-    fn errors_go_where_the_kernel_says() {
-        let luminance: Vec<f32> =
-            (0..40 * 20).map(|cell| 0.3 + 0.4 * (hash(cell, 5, 6) % 100) as f32 / 100.0).collect();
-        for kernel in [Kernel::FLOYD_STEINBERG, Kernel::OPTIMISED] {
-            let mut plane = vec![0; 20 * 5];
-            diffuse(&kernel, 7, 40, &luminance, &mut plane, |_| 0.0);
-            assert_eq!(plane, scattered(&kernel, 7, 40, &luminance));
-        }
-    }
-}
+mod tests;

@@ -124,3 +124,19 @@ fn error_diffusion_stays_inside_the_silhouette() {
         assert!(plane.chunks_exact(8).all(|row| row[4..].iter().all(|byte| *byte == 0)), "{method:?}");
     }
 }
+
+#[test]
+fn a_diffusion_is_what_its_kernel_says() {
+    let luminance: Vec<f32> = (0..50 * 20).map(|cell| (cell % 50) as f32 / 50.0).collect();
+    let mut kernels = 0;
+    for method in METHODS {
+        for turn in 0..2 {
+            let Some(kernel) = method.diffusion(turn) else { continue };
+            let mut diffused = vec![0; plane_stride(50) * 20];
+            diffuse(kernel, 6, 50, &luminance, &mut diffused, |_| 0.0);
+            assert_eq!(plane(method, [6, turn], 50, &luminance), diffused, "{method:?} {turn}");
+            kernels += 1;
+        }
+    }
+    assert_eq!(kernels, 5);
+}
