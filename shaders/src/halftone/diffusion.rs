@@ -1,6 +1,7 @@
 //! Halftone by error diffusion in serpentine order: what a pixel's bit leaves unsaid, its neighbours to come are told.
 
 use super::{hash, plane_stride};
+use crate::shuffle::shuffle;
 
 /// To whom an error goes, and how the threshold wanders.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,7 +106,7 @@ fn diffuse_corrected<const N: usize, T: Copy + Default, S: Fn(T) -> f32>(
     let mut staged = vec![[[T::default(); GO]; N]; goes];
     for y in 0..slices.luminance[0].len() / columns {
         slices.stage(y, &mut staged);
-        let rightward = y % 2 == 0;
+        let rightward = y.is_multiple_of(2);
         let [row, above @ ..] = &mut errors;
         let mut carry = Carry { last: [0.0; N], last_but_one: [0.0; N] };
         for go in 0..goes {
@@ -165,7 +166,7 @@ impl<const N: usize, T: Copy + Default, S: Fn(T) -> f32> Slices<'_, N, T, S> {
     }
 }
 
-/// Transposes: log N perfect shuffles, which are vector instructions where moving each number by itself is not.
+/// Transposes.
 #[inline(always)]
 fn to_lanes<const N: usize>(mut rows: [[f32; GO]; N]) -> Go<N> {
     const { assert!(N.is_power_of_two()) };
@@ -177,20 +178,10 @@ fn to_lanes<const N: usize>(mut rows: [[f32; GO]; N]) -> Go<N> {
             shuffle(lanes.as_flattened(), rows.as_flattened_mut());
         }
     }
-    if N.ilog2() % 2 == 0 {
+    if N.ilog2().is_multiple_of(2) {
         lanes.as_flattened_mut().copy_from_slice(rows.as_flattened());
     }
     lanes
-}
-
-/// The two halves, one from each in turn.
-#[inline(always)]
-fn shuffle(from: &[f32], to: &mut [f32]) {
-    let (low, high) = from.split_at(from.len() / 2);
-    for (pair, (low, high)) in to.chunks_exact_mut(2).zip(low.iter().zip(high)) {
-        pair[0] = *low;
-        pair[1] = *high;
-    }
 }
 
 /// Adds to each pixel what the errors of a row above, from [`REACH`] to the left on, leave it.
