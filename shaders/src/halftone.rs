@@ -44,7 +44,7 @@ impl Halftone {
         match self {
             Self::FloydSteinberg => Some(&Kernel::FLOYD_STEINBERG),
             Self::OptimisedDiffusion => Some(&Kernel::OPTIMISED),
-            Self::AlternatingDiffusion if turn % 2 == 0 => Some(&Kernel::OPTIMISED),
+            Self::AlternatingDiffusion if turn.is_multiple_of(2) => Some(&Kernel::OPTIMISED),
             _ => None,
         }
     }

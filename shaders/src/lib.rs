@@ -6,3 +6,4 @@
 pub mod halftone;
 pub mod pack;
 pub mod project;
+mod shuffle;

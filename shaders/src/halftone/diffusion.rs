@@ -1,7 +1,7 @@
 //! Halftone by error diffusion in serpentine order: what a pixel's bit leaves unsaid, its neighbours to come are told.
 
 use super::{hash, plane_stride};
-use core::ops::Range;
+use crate::shuffle::shuffle;
 
 /// To whom an error goes, and how the threshold wanders.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,15 +103,17 @@ fn diffuse_corrected<const N: usize, T: Copy + Default, S: Fn(T) -> f32>(
     let goes = columns.div_ceil(GO);
     // Errors of the row and of those above, the nearest first; a margin holds what leaves the row.
     let mut errors = [0; ROWS + 1].map(|_| vec![[0.0; N]; goes * GO + 2 * REACH]);
+    let mut staged = vec![[[T::default(); GO]; N]; goes];
     for y in 0..slices.luminance[0].len() / columns {
-        let rightward = y % 2 == 0;
+        slices.stage(y, &mut staged);
+        let rightward = y.is_multiple_of(2);
         let [row, above @ ..] = &mut errors;
         let mut carry = Carry { last: [0.0; N], last_but_one: [0.0; N] };
         for go in 0..goes {
             let x = GO * if rightward { go } else { goes - 1 - go };
             let bytes = y * stride + x / 8..y * stride + stride.min((x + GO) / 8);
             let cells = y * columns + x..y * columns + columns.min(x + GO);
-            let (luminance, is_lit) = slices.luminance(cells.clone());
+            let (luminance, is_lit) = slices.luminance(&staged[x / GO]);
             let mut words = [0; N];
             if is_lit {
                 let mut wanted = [[0.0; N]; GO];
@@ -137,22 +139,26 @@ fn diffuse_corrected<const N: usize, T: Copy + Default, S: Fn(T) -> f32>(
 }
 
 impl<const N: usize, T: Copy + Default, S: Fn(T) -> f32> Slices<'_, N, T, S> {
-    /// The luminance at `cells` of each slice, a lane a slice, dark beyond, and whether any of it is lit.
+    /// Copies row `y`, go by go and lane by lane. Read in the order in which it lies in memory it comes a tenth faster.
     #[inline(always)]
-    fn luminance(&self, cells: Range<usize>) -> (Go<N>, bool) {
-        let mut raw = [[T::default(); GO]; N];
-        for (raw, luminance) in raw.iter_mut().zip(self.luminance) {
-            let luminance = &luminance[cells.clone()];
-            // A copy of known length is a few instructions.
-            match luminance.try_into() {
-                Ok(whole) => *raw = whole,
-                Err(_) => raw[..luminance.len()].copy_from_slice(luminance),
+    fn stage(&self, y: usize, staged: &mut [[[T; GO]; N]]) {
+        let columns = self.width as usize;
+        for (lane, luminance) in self.luminance.iter().enumerate() {
+            let (whole, part) = luminance[y * columns..][..columns].as_chunks();
+            staged.iter_mut().zip(whole).for_each(|(staged, luminance)| staged[lane] = *luminance);
+            if let Some(staged) = staged.get_mut(whole.len()) {
+                staged[lane][..part.len()].copy_from_slice(part);
             }
         }
+    }
+
+    /// The luminance of what was staged, a lane a slice, and whether any of it is lit.
+    #[inline(always)]
+    fn luminance(&self, staged: &[[T; GO]; N]) -> (Go<N>, bool) {
         let mut rows = [[0.0; GO]; N];
         let mut lit = 0;
-        for (value, raw) in rows.as_flattened_mut().iter_mut().zip(raw.as_flattened()) {
-            *value = (self.shade)(*raw);
+        for (value, staged) in rows.as_flattened_mut().iter_mut().zip(staged.as_flattened()) {
+            *value = (self.shade)(*staged);
             lit |= u32::from(*value > 0.0);
         }
         let is_lit = lit != 0;
@@ -160,7 +166,7 @@ impl<const N: usize, T: Copy + Default, S: Fn(T) -> f32> Slices<'_, N, T, S> {
     }
 }
 
-/// Transposes: log N perfect shuffles, which are vector instructions where moving each number by itself is not.
+/// Transposes.
 #[inline(always)]
 fn to_lanes<const N: usize>(mut rows: [[f32; GO]; N]) -> Go<N> {
     const { assert!(N.is_power_of_two()) };
@@ -172,20 +178,10 @@ fn to_lanes<const N: usize>(mut rows: [[f32; GO]; N]) -> Go<N> {
             shuffle(lanes.as_flattened(), rows.as_flattened_mut());
         }
     }
-    if N.ilog2() % 2 == 0 {
+    if N.ilog2().is_multiple_of(2) {
         lanes.as_flattened_mut().copy_from_slice(rows.as_flattened());
     }
     lanes
-}
-
-/// The two halves, one from each in turn.
-#[inline(always)]
-fn shuffle(from: &[f32], to: &mut [f32]) {
-    let (low, high) = from.split_at(from.len() / 2);
-    for (pair, (low, high)) in to.chunks_exact_mut(2).zip(low.iter().zip(high)) {
-        pair[0] = *low;
-        pair[1] = *high;
-    }
 }
 
 /// Adds to each pixel what the errors of a row above, from [`REACH`] to the left on, leave it.
@@ -243,7 +239,8 @@ impl<const N: usize> Decision<N> {
                 let capped = if value < 1.0 { value } else { 1.0 };
                 let wanted = correct(lane, x, capped + carried);
                 let is_set = wanted > thresholds[lane];
-                let left = (if is_set { wanted - 1.0 } else { wanted }).clamp(-2.0, 2.0);
+                let [lit, dark] = [wanted - 1.0, wanted].map(|error| error.clamp(-2.0, 2.0));
+                let left = if is_set { lit } else { dark };
                 error[lane] = if value > 0.0 { left } else { 0.0 };
                 words[lane] |= u32::from(is_set) << x;
             }

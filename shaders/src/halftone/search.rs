@@ -214,23 +214,29 @@ impl Search {
     /// c from the bits.
     fn convolve(&mut self, kernel: &Kernel) {
         let [width, height] = self.size;
-        let pixel = |(state, luminance): (&i8, &f32)| if *state > 0 { 1.0 - luminance } else { -luminance };
-        let errors: Vec<f32> = self.state.iter().zip(&self.luminance).map(pixel).collect();
-        let mut across = vec![0.0; errors.len()];
-        let mut sums = vec![0.0; errors.len()];
         let inner = TILE..width - TILE;
-        for [column, row] in &kernel.factors {
-            for (line, into) in errors.chunks_exact(width).zip(across.chunks_exact_mut(width)) {
+        let pixel = |(state, luminance): (&i8, &f32)| if *state > 0 { 1.0 - luminance } else { -luminance };
+        // A row of b − l, the last rows of it filtered across by each factor, and a row of c: as little as stays in the cache.
+        let mut errors = vec![0.0; width];
+        let mut across = vec![vec![vec![0.0; inner.len()]; ROWS]; kernel.factors.len()];
+        let mut sums = vec![0.0; inner.len()];
+        for below in TILE - REACH..height - TILE + REACH {
+            let cells = below * width..(below + 1) * width;
+            let pixels = self.state[cells.clone()].iter().zip(&self.luminance[cells]).map(pixel);
+            errors.iter_mut().zip(pixels).for_each(|(error, value)| *error = value);
+            for ([_, row], across) in kernel.factors.iter().zip(&mut across) {
+                let into = &mut across[below % ROWS];
                 into.fill(0.0);
-                add_filtered(&mut into[inner.clone()], row, |tap| &line[inner.start - REACH + tap..]);
+                add_filtered(into, row, |tap| &errors[inner.start - REACH + tap..]);
             }
-            for (y, into) in sums.chunks_exact_mut(width).enumerate().skip(TILE).take(height - 2 * TILE) {
-                let line = |tap: usize| &across[(y - REACH + tap) * width + inner.start..];
-                add_filtered(&mut into[inner.clone()], column, line);
+            let Some(y) = below.checked_sub(REACH).filter(|y| *y >= TILE) else { continue };
+            sums.fill(0.0);
+            for ([column, _], across) in kernel.factors.iter().zip(&across) {
+                add_filtered(&mut sums, column, |tap| &across[(y - REACH + tap) % ROWS]);
             }
-        }
-        for (error, sum) in self.error.iter_mut().zip(sums) {
-            *error = ((sum + 32_768.5) as i32 - 32_768) as i16;
+            for (error, sum) in self.error[y * width..][inner.clone()].iter_mut().zip(&sums) {
+                *error = ((sum + 32_768.5) as i32 - 32_768) as i16;
+            }
         }
     }
 
@@ -368,16 +374,26 @@ impl Field {
     }
 }
 
-/// Pixels that are filtered at a time: as many as stay in registers.
+/// Pixels that a box is a multiple of.
 const BLOCK: usize = 8;
 
 /// Adds to each pixel of `into`, a multiple of [`BLOCK`], the pixels of `line(tap)` weighted with `taps`.
+#[inline(always)]
 fn add_filtered<'a>(into: &mut [f32], taps: &[f32; ROWS], line: impl Fn(usize) -> &'a [f32]) {
-    for (block, into) in into.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
+    let lines: [&[f32]; ROWS] = from_fn(|tap| &line(tap)[..into.len()]);
+    // Four blocks are as many sums as stay in registers, and enough for none to wait for itself.
+    let (wide, narrow) = into.as_chunks_mut::<{ 4 * BLOCK }>();
+    add_blocks(wide, taps, lines);
+    add_blocks(narrow.as_chunks_mut::<BLOCK>().0, taps, lines.map(|line| &line[4 * BLOCK * wide.len()..]));
+}
+
+#[inline(always)]
+fn add_blocks<const WIDTH: usize>(into: &mut [[f32; WIDTH]], taps: &[f32; ROWS], lines: [&[f32]; ROWS]) {
+    let lines = lines.map(|line| line.as_chunks::<WIDTH>().0);
+    for (block, into) in into.iter_mut().enumerate() {
         let mut sums = *into;
-        for (tap, weight) in taps.iter().enumerate() {
-            let pixels = &line(tap)[block * BLOCK..][..BLOCK];
-            for (sum, pixel) in sums.iter_mut().zip(pixels) {
+        for (line, weight) in lines.iter().zip(taps) {
+            for (sum, pixel) in sums.iter_mut().zip(&line[block]) {
                 *sum += weight * pixel;
             }
         }
