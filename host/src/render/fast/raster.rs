@@ -162,8 +162,8 @@ struct Painter<'a, 'b, S> {
 impl<S: Surface> Painter<'_, '_, S> {
     #[inline(always)]
     fn triangle<B: Block>(&mut self, setup: &Setup, lane: usize, index: usize) {
-        let first = setup.first.map(|axis| axis[lane]);
-        let last = setup.last.map(|axis| axis[lane]);
+        let first = [setup.first[0][lane], setup.first[1][lane]];
+        let last = [setup.last[0][lane], setup.last[1][lane]];
         let depth = Slope { value: setup.depth[lane], across: setup.depth_across[lane], down: setup.depth_down[lane] };
         let ink = self.scene.figure.inks[index];
         let blocks = Blocks::new(first, last);
@@ -197,9 +197,10 @@ impl<S: Surface> Painter<'_, '_, S> {
         for row in 0..blocks.rows {
             for column in 0..blocks.columns {
                 let offset = [column * COLUMNS as i32, row * ROWS as i32];
-                let values = edges.map(|edge| edge.at(offset));
-                if blocks.is_one() || edges.iter().zip(values).all(|(edge, value)| edge.reaches(value)) {
-                    let edge = |index: usize| edges[index].block::<B>(values[index]);
+                let values = [edges[0].at(offset), edges[1].at(offset), edges[2].at(offset)];
+                let reaches = |edge: usize| edges[edge].reaches(values[edge]);
+                if blocks.is_one() || (reaches(0) && reaches(1) && reaches(2)) {
+                    let edge = |edge: usize| edges[edge].block::<B>(values[edge]);
                     // Below 0 where one of them is.
                     let outside = B::splat(0).above(edge(0).or(edge(1)).or(edge(2)));
                     self.lay(blocks.at(offset), offset, outside, depth, paint);

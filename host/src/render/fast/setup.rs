@@ -75,110 +75,154 @@ impl Setup {
 
     /// Collects the corners; the states that all of them have, and those that any has.
     #[inline(always)]
-    fn gather(&mut self, figure: &Figure, vertices: &Vertices, group: usize) -> [Lane<u32>; 2] {
-        let (mut common, mut any) = ([u32::MAX; LANES], [0; LANES]);
+    fn gather(&mut self, figure: &Figure, vertices: &Vertices, group: usize) -> [Lane; 2] {
         let [places, depths] = [vertices.places.as_flattened(), vertices.depths.as_flattened()];
+        let mut common = [-1; LANES];
+        let mut any = [0; LANES];
         for corner in 0..3 {
             let indices = &figure.corners[corner][group];
-            let mut place = [0; LANES];
-            let mut depth = [0; LANES];
-            for lane in 0..LANES {
-                place[lane] = places[indices[lane] as usize];
-                depth[lane] = depths[indices[lane] as usize];
-            }
-            for lane in 0..LANES {
-                self.x[corner][lane] = i32::from(place[lane] as i16);
-                self.y[corner][lane] = place[lane] as i32 >> 16;
-                self.z[corner][lane] = i32::from(depth[lane] as i16);
-                common[lane] &= depth[lane];
-                any[lane] |= depth[lane];
-            }
+            let place = each(|lane| places[indices[lane] as usize] as i32);
+            let depth = each(|lane| depths[indices[lane] as usize] as i32);
+            self.x[corner] = each(|lane| place[lane] << 16 >> 16);
+            self.y[corner] = each(|lane| place[lane] >> 16);
+            self.z[corner] = each(|lane| depth[lane] << 16 >> 16);
+            common = each(|lane| common[lane] & depth[lane]);
+            any = each(|lane| any[lane] | depth[lane]);
         }
         [common, any]
     }
 
     /// Finds out which triangles are to be filled, turns the corners of those whose area is negative, and finds the pixels in reach.
     #[inline(always)]
-    fn choose(&mut self, common: &Lane<u32>, any: &Lane<u32>, grid: &Grid, front: i32, solid: u32) {
+    fn choose(&mut self, common: &Lane, any: &Lane, grid: &Grid, front: i32, solid: u32) {
+        let [ax, bx, cx] = self.x;
+        let [ay, by, cy] = self.y;
+        let area = each(|lane| {
+            let one = (bx[lane] - ax[lane]).wrapping_mul(cy[lane] - ay[lane]);
+            one.wrapping_sub((by[lane] - ay[lane]).wrapping_mul(cx[lane] - ax[lane]))
+        });
+        let turned = each(|lane| area[lane] >> 31);
+        let (left, right) = (smallest(&self.x), largest(&self.x));
+        let (top, bottom) = (smallest(&self.y), largest(&self.y));
         let half = grid.steps() / 2;
-        let (mut drawn, mut wide, mut rim) = ([0; LANES], [0; LANES], [0; LANES]);
-        for lane in 0..LANES {
-            let [[ax, bx, cx], [ay, by, cy], [_, bz, cz]] =
-                [&self.x, &self.y, &self.z].map(|axis| axis.map(|c| c[lane]));
-            let (left, right) = (ax.min(bx).min(cx), ax.max(bx).max(cx));
-            let (top, bottom) = (ay.min(by).min(cy), ay.max(by).max(cy));
-            let is_large = right - left > LARGE || bottom - top > LARGE || any[lane] & WIDE != 0;
-            let area = (bx - ax).wrapping_mul(cy - ay).wrapping_sub((by - ay).wrapping_mul(cx - ax));
-            let may_show = common[lane] & SIDES == 0 && any[lane] & LOST == 0;
-            // The product of two signs.
-            let is_back = solid >> lane & 1 != 0 && area.signum() * front < 0;
-            let turned = area >> 31;
-            self.turned[lane] = turned;
-            self.x[1][lane] = bx ^ turned & (bx ^ cx);
-            self.x[2][lane] = cx ^ turned & (bx ^ cx);
-            self.y[1][lane] = by ^ turned & (by ^ cy);
-            self.y[2][lane] = cy ^ turned & (by ^ cy);
-            self.z[1][lane] = bz ^ turned & (bz ^ cz);
-            self.z[2][lane] = cz ^ turned & (bz ^ cz);
-            let first_x = (((left + half - 1) >> grid.shift) + grid.origin[0]).max(0);
-            let first_y = (((top + half - 1) >> grid.shift) + grid.origin[1]).max(0);
-            let last_x = (((right - half) >> grid.shift) + grid.origin[0]).min(grid.size[0] - 1);
-            let last_y = (((bottom - half) >> grid.shift) + grid.origin[1]).min(grid.size[1] - 1);
-            self.first[0][lane] = first_x;
-            self.first[1][lane] = first_y;
-            self.last[0][lane] = last_x;
-            self.last[1][lane] = last_y;
-            let reaches = first_x <= last_x && first_y <= last_y;
-            drawn[lane] = u32::from(may_show & !is_large & reaches & (area != 0) & !is_back) << lane;
-            wide[lane] = u32::from(may_show & is_large) << lane;
-            rim[lane] = u32::from(any[lane] & OFF != 0) << lane;
-        }
-        [self.drawn, self.wide, self.rim] =
-            [drawn, wide, rim].map(|lanes| lanes.iter().fold(0, |bits, bit| bits | bit));
+        let first = |low: &Lane, axis: usize| {
+            let origin = grid.origin[axis];
+            each(|lane| (((low[lane] + half - 1) >> grid.shift) + origin).max(0))
+        };
+        let last = |high: &Lane, axis: usize| {
+            let (origin, end) = (grid.origin[axis], grid.size[axis] - 1);
+            each(|lane| (((high[lane] - half) >> grid.shift) + origin).min(end))
+        };
+        let (first_x, first_y) = (first(&left, 0), first(&top, 1));
+        let (last_x, last_y) = (last(&right, 0), last(&bottom, 1));
+        let is_shut = each(|lane| common[lane] & SIDES as i32 | any[lane] & LOST as i32);
+        let is_large = each(|lane| {
+            let large = i32::from(right[lane] - left[lane] > LARGE) | i32::from(bottom[lane] - top[lane] > LARGE);
+            large | any[lane] & WIDE as i32
+        });
+        let reaches = each(|lane| i32::from(first_x[lane] <= last_x[lane]) & i32::from(first_y[lane] <= last_y[lane]));
+        // Of the two signs of a solid's triangles, that of its backs.
+        let back = -front;
+        let is_back = bits(|lane| (area[lane] ^ back) >= 0 && back != 0) & solid;
+        let open = bits(|lane| is_shut[lane] == 0);
+        let large = bits(|lane| is_large[lane] != 0);
+        let covering = bits(|lane| reaches[lane] != 0) & bits(|lane| area[lane] != 0);
+        self.drawn = open & !large & covering & !is_back;
+        self.wide = open & large;
+        self.rim = bits(|lane| any[lane] & OFF as i32 != 0);
+        turn(&mut self.x, &turned);
+        turn(&mut self.y, &turned);
+        turn(&mut self.z, &turned);
+        self.turned = turned;
+        self.first = [first_x, first_y];
+        self.last = [last_x, last_y];
     }
 
     #[inline(always)]
     fn find_edges(&mut self, grid: &Grid) {
-        let half = grid.steps() / 2;
-        for (edge, (from, to)) in [(1, 2), (2, 0), (0, 1)].into_iter().enumerate() {
-            for lane in 0..LANES {
-                let [x, y] = [0, 1].map(|axis| self.centre(grid, axis, lane) * grid.steps() + half);
-                let across = self.x[to][lane] - self.x[from][lane];
-                let down = self.y[to][lane] - self.y[from][lane];
-                // The top-left rule: with y downward and a positive area, up is a left edge, rightward a top one.
-                let owns_border = (down < 0) | ((down == 0) & (across > 0));
-                let value =
-                    across.wrapping_mul(y - self.y[from][lane]).wrapping_sub(down.wrapping_mul(x - self.x[from][lane]));
-                self.edges[edge][lane] = (value - i32::from(!owns_border)) >> grid.shift;
-                self.across[edge][lane] = -down;
-                self.down[edge][lane] = across;
-            }
+        let [x, y] = [self.centres(grid, 0), self.centres(grid, 1)];
+        for (edge, [from, to]) in [[1, 2], [2, 0], [0, 1]].into_iter().enumerate() {
+            let (from_x, from_y) = (&self.x[from], &self.y[from]);
+            let (to_x, to_y) = (&self.x[to], &self.y[to]);
+            let across = each(|lane| to_x[lane] - from_x[lane]);
+            let up = each(|lane| from_y[lane] - to_y[lane]);
+            // The top-left rule: with y downward and a positive area, up is a left edge, rightward a top one.
+            let bias = each(|lane| {
+                let owns_border = i32::from(up[lane] > 0) | i32::from(up[lane] == 0) & i32::from(across[lane] > 0);
+                owns_border - 1
+            });
+            self.edges[edge] = each(|lane| {
+                let one = across[lane].wrapping_mul(y[lane] - from_y[lane]);
+                one.wrapping_add(up[lane].wrapping_mul(x[lane] - from_x[lane])).wrapping_add(bias[lane]) >> grid.shift
+            });
+            self.across[edge] = up;
+            self.down[edge] = across;
         }
     }
 
     #[inline(always)]
     fn find_depth(&mut self, grid: &Grid) {
         let steps = grid.steps() as f32;
-        for lane in 0..LANES {
-            let [[ax, bx, cx], [ay, by, cy], [az, bz, cz]] =
-                [&self.x, &self.y, &self.z].map(|axis| axis.map(|corner| corner[lane]));
-            let [bx, by, bz] = [(bx - ax) as f32, (by - ay) as f32, (bz - az) as f32];
-            let [cx, cy, cz] = [(cx - ax) as f32, (cy - ay) as f32, (cz - az) as f32];
-            let per_area = steps / (bx * cy - by * cx);
-            let across = (bz * cy - cz * by) * per_area;
-            let down = (cz * bx - bz * cx) * per_area;
-            let [x, y] = [0, 1].map(|axis| self.centre(grid, axis, lane) as f32 + 0.5);
-            self.depth[lane] = az as f32 + across * (x - ax as f32 / steps) + down * (y - ay as f32 / steps);
-            self.depth_across[lane] = across;
-            self.depth_down[lane] = down;
-        }
+        let arm = |values: &[Lane; 3], corner: usize| each(|lane| (values[corner][lane] - values[0][lane]) as f32);
+        let [bx, by, bz] = [arm(&self.x, 1), arm(&self.y, 1), arm(&self.z, 1)];
+        let [cx, cy, cz] = [arm(&self.x, 2), arm(&self.y, 2), arm(&self.z, 2)];
+        let per_area = each(|lane| 1.0 / (bx[lane] * cy[lane] - by[lane] * cx[lane]));
+        let across = each(|lane| (bz[lane] * cy[lane] - cz[lane] * by[lane]) * per_area[lane]);
+        let down = each(|lane| (cz[lane] * bx[lane] - bz[lane] * cx[lane]) * per_area[lane]);
+        let [x, y] = [self.centres(grid, 0), self.centres(grid, 1)];
+        self.depth = each(|lane| {
+            let [x, y] = [x[lane] - self.x[0][lane], y[lane] - self.y[0][lane]];
+            self.z[0][lane] as f32 + across[lane] * x as f32 + down[lane] * y as f32
+        });
+        self.depth_across = each(|lane| across[lane] * steps);
+        self.depth_down = each(|lane| down[lane] * steps);
     }
 
-    /// The pixel at the centre of the first block, from the grid's origin.
+    /// The centres of the first blocks, in steps.
     #[inline(always)]
-    fn centre(&self, grid: &Grid, axis: usize, lane: usize) -> i32 {
-        self.first[axis][lane] + CENTRE[axis] - grid.origin[axis]
+    fn centres(&self, grid: &Grid, axis: usize) -> Lane {
+        let half = grid.steps() / 2;
+        let offset = CENTRE[axis] - grid.origin[axis];
+        each(|lane| ((self.first[axis][lane] + offset) << grid.shift) + half)
     }
+}
+
+/// `value` for every lane.
+#[inline(always)]
+fn each<T: Copy + Default>(value: impl Fn(usize) -> T) -> Lane<T> {
+    let mut lanes = [T::default(); LANES];
+    for (lane, result) in lanes.iter_mut().enumerate() {
+        *result = value(lane);
+    }
+    lanes
+}
+
+/// Bit by bit, the lanes for which `holds`.
+#[inline(always)]
+fn bits(holds: impl Fn(usize) -> bool) -> u32 {
+    let mut bits = 0;
+    for lane in 0..LANES {
+        bits |= u32::from(holds(lane)) << lane;
+    }
+    bits
+}
+
+#[inline(always)]
+fn smallest(values: &[Lane; 3]) -> Lane {
+    each(|lane| values[0][lane].min(values[1][lane]).min(values[2][lane]))
+}
+
+#[inline(always)]
+fn largest(values: &[Lane; 3]) -> Lane {
+    each(|lane| values[0][lane].max(values[1][lane]).max(values[2][lane]))
+}
+
+/// Swaps the second and third where `turned` is -1.
+#[inline(always)]
+fn turn(values: &mut [Lane; 3], turned: &Lane) {
+    let [_, b, c] = *values;
+    values[1] = each(|lane| b[lane] ^ turned[lane] & (b[lane] ^ c[lane]));
+    values[2] = each(|lane| c[lane] ^ turned[lane] & (b[lane] ^ c[lane]));
 }
 
 /// A gradient, or a number that wraps, in the 16 bits of a block.
