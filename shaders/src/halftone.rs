@@ -7,7 +7,7 @@ pub mod search;
 pub mod void_and_cluster;
 
 use diffusion::{Kernel, diffuse};
-use mask::{BLUE_SIDE, VOLUME_SIDE};
+use mask::Mask;
 
 /// How a slice's luminance becomes bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,18 +79,7 @@ pub const fn plane_stride(width: u32) -> usize {
 /// `plane`: as many rows of [`plane_stride`] bytes. A pixel of luminance 0 stays dark, one of 1 is lit.
 pub fn halftone(method: Halftone, slot: Slot, width: u32, luminance: &[f32], plane: &mut [u8]) {
     let Slot { slice, turn, .. } = slot;
-    let mut blue_noise = |shift| {
-        mask::by_square(width, luminance, plane, BLUE_SIDE, &mask::shifted_blue_noise(shift));
-    };
-    let odd = |number: u32| f64::from(number % 2);
     match method {
-        Halftone::BlueNoiseFixed => blue_noise(0.0),
-        Halftone::BlueNoiseHalf => blue_noise(odd(slice) / 2.0),
-        Halftone::BlueNoise => blue_noise(mask::golden_shift(slice)),
-        Halftone::AlternatingBlueNoise => blue_noise(mask::golden_shift(slice) + odd(turn) / 2.0),
-        Halftone::BlueNoise3d => mask::by_square(width, luminance, plane, VOLUME_SIDE, &mask::volume_slice(slice)),
-        Halftone::WhiteNoise => mask::by_mask(width, luminance, plane, |x, y| mask::white_threshold(x, y, slice)),
-        Halftone::Bayer => mask::by_mask(width, luminance, plane, mask::bayer_threshold),
         Halftone::Search => {
             diffuse(&Kernel::OPTIMISED, slice, width, luminance, plane, |_| 0.0);
             search::improve(slot.blur, width, luminance, plane);
@@ -102,6 +91,11 @@ pub fn halftone(method: Halftone, slot: Slot, width: u32, luminance: &[f32], pla
             if turn % 2 == 1 {
                 let missing = missing(width, luminance, plane);
                 diffuse(&Kernel::OPTIMISED, slice ^ 1, width, luminance, plane, |cell| missing[cell]);
+            }
+        }
+        _ => {
+            if let Some(mask) = Mask::new(method, slice, turn) {
+                mask::by_mask(mask, width, luminance, plane);
             }
         }
     }

@@ -354,7 +354,7 @@ impl Edge {
 }
 
 /// What leaves a triangle at given weights of its corners.
-fn shade(triangle: &Triangle, textures: &[Arc<Texture>], weights: [f32; 3]) -> f32 {
+pub(super) fn shade(triangle: &Triangle, textures: &[Arc<Texture>], weights: [f32; 3]) -> f32 {
     let radiance: Vec3 = (0..3).map(|corner| weights[corner] * triangle.radiance[corner]).sum();
     match triangle.texture {
         None => luminance(radiance),

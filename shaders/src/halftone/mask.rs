@@ -1,29 +1,92 @@
 //! Halftone by masks: a pixel is lit where its luminance is above the mask's threshold there.
 
 use super::void_and_cluster::void_and_cluster;
-use super::{hash, plane_stride};
+use super::{Halftone, hash, plane_stride};
 use std::sync::OnceLock;
 
-/// Lights the pixels whose luminance is above `threshold` at their column and row, which lies strictly between 0 and 1.
-pub(super) fn by_mask(width: u32, luminance: &[f32], plane: &mut [u8], threshold: impl Fn(u32, u32) -> f32) {
+/// A mask in one slice of one turn: a threshold for every pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mask {
+    /// The two-dimensional blue-noise mask, its ranks moved by `shift` and wrapped.
+    Blue {
+        /// Below 4096.
+        shift: usize,
+    },
+    /// One layer of the three-dimensional mask.
+    Volume {
+        /// Below [`VOLUME_SLICES`].
+        layer: usize,
+    },
+    /// The ordered dither.
+    Bayer,
+    /// White noise.
+    White {
+        /// The slice.
+        slice: u32,
+    },
+}
+
+impl Mask {
+    /// The mask of `method` in slice `slice` of turn `turn`; `None` for methods that are none.
+    pub fn new(method: Halftone, slice: u32, turn: u32) -> Option<Self> {
+        let half = |number: u32| f64::from(number % 2) / 2.0;
+        let blue = |shift: f64| Self::Blue { shift: (shift.fract() * BLUE_CELLS as f64) as usize };
+        Some(match method {
+            Halftone::WhiteNoise => Self::White { slice },
+            Halftone::Bayer => Self::Bayer,
+            Halftone::BlueNoiseFixed => blue(0.0),
+            Halftone::BlueNoiseHalf => blue(half(slice)),
+            Halftone::BlueNoise => blue(golden_shift(slice)),
+            Halftone::AlternatingBlueNoise => blue(golden_shift(slice) + half(turn)),
+            Halftone::BlueNoise3d => Self::Volume { layer: slice as usize % VOLUME_SLICES },
+            _ => return None,
+        })
+    }
+
+    /// After how many columns, and rows, it repeats; `None` for never.
+    pub fn side(self) -> Option<usize> {
+        match self {
+            Self::Blue { .. } => Some(BLUE_SIDE),
+            Self::Volume { .. } => Some(VOLUME_SIDE),
+            Self::Bayer => Some(8),
+            Self::White { .. } => None,
+        }
+    }
+
+    /// The threshold at column `x` and row `y`, strictly between 0 and 1: a pixel is lit where its luminance is above it. But for white
+    /// noise, an odd number of parts of 2¹⁵ or of larger ones.
+    pub fn threshold(self, x: u32, y: u32) -> f32 {
+        let cell = |side: usize| (y as usize % side) * side + x as usize % side;
+        match self {
+            Self::Blue { shift } => {
+                let rank = (usize::from(blue_noise_ranks()[cell(BLUE_SIDE)]) + shift) % BLUE_CELLS;
+                (rank as f32 + 0.5) / BLUE_CELLS as f32
+            }
+            Self::Volume { layer } => {
+                let rank = blue_noise_volume()[layer * VOLUME_CELLS + cell(VOLUME_SIDE)];
+                (f32::from(rank) + 0.5) / (VOLUME_CELLS * VOLUME_SLICES) as f32
+            }
+            Self::Bayer => bayer_threshold(x, y),
+            Self::White { slice } => white_threshold(x, y, slice),
+        }
+    }
+}
+
+/// Lights the pixels whose luminance is above their threshold.
+pub(super) fn by_mask(mask: Mask, width: u32, luminance: &[f32], plane: &mut [u8]) {
     let rows = luminance.chunks_exact(width as usize).zip(plane.chunks_exact_mut(plane_stride(width)));
     for (y, (row, bytes)) in (0..).zip(rows) {
         for (left, (block, byte)) in (0..).step_by(8).zip(row.chunks(8).zip(bytes)) {
             *byte = 0;
             for (bit, luminance) in (0..).zip(block).filter(|(_, luminance)| **luminance > 0.0) {
-                *byte |= u8::from(*luminance > threshold(left + bit, y)) << bit;
+                *byte |= u8::from(*luminance > mask.threshold(left + bit, y)) << bit;
             }
         }
     }
 }
 
-/// [`by_mask`] by a square mask of `side` columns, row major.
-pub(super) fn by_square(width: u32, luminance: &[f32], plane: &mut [u8], side: usize, mask: &[f32]) {
-    by_mask(width, luminance, plane, |x, y| mask[(y as usize % side) * side + x as usize % side]);
-}
-
 /// The threshold of white noise at (x, y) in slice `slice`.
-pub(super) fn white_threshold(x: u32, y: u32, slice: u32) -> f32 {
+fn white_threshold(x: u32, y: u32, slice: u32) -> f32 {
     ((hash(x, y, slice) >> 8) as f32 + 0.5) / (1 << 24) as f32
 }
 
@@ -47,15 +110,8 @@ pub fn blue_noise_ranks() -> &'static [u16] {
     RANKS.get_or_init(|| void_and_cluster([BLUE_SIDE, BLUE_SIDE, 1], 1.5, 1.0))
 }
 
-/// The thresholds (rank + ½) / 4096 of the blue-noise mask, moved by `shift` of their range and wrapped.
-pub(super) fn shifted_blue_noise(shift: f64) -> Vec<f32> {
-    let shift = (shift.fract() * BLUE_CELLS as f64) as usize;
-    let moved = blue_noise_ranks().iter().map(|rank| (usize::from(*rank) + shift) % BLUE_CELLS);
-    moved.map(|rank| (rank as f32 + 0.5) / BLUE_CELLS as f32).collect()
-}
-
 /// The shift of slice `slice` of which any few consecutive ones are far apart.
-pub(super) fn golden_shift(slice: u32) -> f64 {
+fn golden_shift(slice: u32) -> f64 {
     f64::from(slice) * GOLDEN
 }
 
@@ -63,6 +119,7 @@ pub(super) fn golden_shift(slice: u32) -> f64 {
 pub const VOLUME_SIDE: usize = 32;
 /// Its slices, after which it repeats: a divisor of the usual 288.
 pub const VOLUME_SLICES: usize = 16;
+const VOLUME_CELLS: usize = VOLUME_SIDE * VOLUME_SIDE;
 
 /// A 32 × 32 × 16 blue-noise mask over columns, rows and slices: every rank 0 … 16383 once, slice after slice.
 ///
@@ -71,11 +128,4 @@ pub const VOLUME_SLICES: usize = 16;
 pub fn blue_noise_volume() -> &'static [u16] {
     static RANKS: OnceLock<Vec<u16>> = OnceLock::new();
     RANKS.get_or_init(|| void_and_cluster([VOLUME_SIDE, VOLUME_SIDE, VOLUME_SLICES], 1.5, 0.75))
-}
-
-/// The thresholds of the three-dimensional mask in slice `slice`.
-pub(super) fn volume_slice(slice: u32) -> Vec<f32> {
-    const CELLS: usize = VOLUME_SIDE * VOLUME_SIDE;
-    let ranks = &blue_noise_volume()[slice as usize % VOLUME_SLICES * CELLS..][..CELLS];
-    ranks.iter().map(|rank| (f32::from(*rank) + 0.5) / (CELLS * VOLUME_SLICES) as f32).collect()
 }

@@ -1,5 +1,6 @@
 //! Which vector instructions there are.
 
+use super::block::{Block, Portable};
 use core::fmt::{self, Display, Formatter};
 
 /// Vector instructions.
@@ -27,7 +28,14 @@ impl Level {
         match self {
             Self::Portable => true,
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
+            Self::Avx2 => {
+                is_x86_feature_detected!("avx2")
+                    && is_x86_feature_detected!("fma")
+                    && is_x86_feature_detected!("bmi1")
+                    && is_x86_feature_detected!("bmi2")
+                    && is_x86_feature_detected!("lzcnt")
+                    && is_x86_feature_detected!("popcnt")
+            }
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => {
                 Self::Avx2.is_available()
@@ -39,6 +47,52 @@ impl Level {
             #[cfg(not(target_arch = "x86_64"))]
             Self::Avx2 | Self::Avx512 => false,
         }
+    }
+}
+
+/// Something to be done block by block.
+pub trait Work {
+    /// Does it; to be `inline(always)`, so that it is compiled for the instructions of whoever runs it.
+    fn run<B: Block>(self);
+}
+
+impl Level {
+    /// Does `work` with these instructions, which this machine must have.
+    pub fn run(self, work: impl Work) {
+        assert!(self.is_available(), "this machine has no {self}");
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => x86::avx2(work),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => x86::avx512(work),
+            _ => work.run::<Portable>(),
+        }
+    }
+}
+
+/// The instructions are found by [`Level::is_available`], which [`Level::run`] asks before it comes here.
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    #![allow(unsafe_code)]
+    use super::super::block::x86::{Avx2, Avx512};
+    use super::Work;
+
+    pub(super) fn avx2(work: impl Work) {
+        #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+        fn with(work: impl Work) {
+            work.run::<Avx2>();
+        }
+        // SAFETY: the machine has them.
+        unsafe { with(work) }
+    }
+
+    pub(super) fn avx512(work: impl Work) {
+        #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+        fn with(work: impl Work) {
+            work.run::<Avx512>();
+        }
+        // SAFETY: the machine has them.
+        unsafe { with(work) }
     }
 }
 

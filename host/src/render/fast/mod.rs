@@ -1,14 +1,31 @@
 //! The fast renderer on the CPU: blocks of 8 × 4 pixels in 16-bit fixed point, a task a frame.
 
+mod block;
+mod figure;
+mod front;
+mod grid;
+mod job;
 mod level;
+mod panel;
+mod raster;
+mod setup;
+mod solids;
+mod surface;
+#[cfg(test)]
+mod tests;
+mod tile;
+mod vertices;
 
 use super::clear::ClearRenderer;
-use super::plan::Plan;
+use super::plan::{DepthTest, Edges, Halftone, Plan, Precision};
+use super::second_pass::SecondPass;
 use super::{Prepared, RenderError, Renderer};
 use crate::scene::ShadedScene;
 use protocol::rig::Rig;
 
 pub use level::Level;
+
+use job::Job;
 
 /// Renders with the vector instructions of one [`Level`].
 #[derive(Clone, Copy, Debug)]
@@ -45,7 +62,16 @@ impl Renderer for FastRenderer {
         rig: &Rig,
         plan: &Plan,
     ) -> Result<Box<dyn Prepared + 'a>, RenderError> {
-        const CLEAR: ClearRenderer = ClearRenderer;
-        CLEAR.prepare(scene, rig, plan)
+        // What these ask for, the fixed point has not.
+        let is_exact = plan.precision == Precision::Double
+            || matches!(plan.edges, Edges::Discard | Edges::Rays)
+            || plan.depth == DepthTest::Exact;
+        if is_exact {
+            return const { &ClearRenderer }.prepare(scene, rig, plan);
+        }
+        if matches!(plan.halftone, Halftone::SightLine | Halftone::Joint) {
+            return SecondPass::prepare(self, scene, rig, plan);
+        }
+        Ok(Box::new(Job::new(self.level, scene, rig, plan)?))
     }
 }

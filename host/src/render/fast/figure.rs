@@ -1,0 +1,91 @@
+//! A mesh laid out for many vertices and triangles at once.
+
+use super::super::mesh::{Mesh, Triangle};
+use super::solids::solids;
+use crate::scene::luminance;
+
+/// Vertices and triangles that are worked on together.
+pub const LANES: usize = 16;
+/// Luminance 1 in the fixed point of luminances and thresholds.
+pub const WHITE: f32 = 32_768.0;
+/// Above a threshold that is never below any other, and far enough below the end that a rounded gradient does not wrap.
+const SMOOTH_MAX: f32 = 32_760.0;
+
+/// What leaves a triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Ink {
+    /// The same everywhere, in parts of [`WHITE`].
+    Flat(i16),
+    /// By its corners, in parts of [`WHITE`].
+    Smooth([f32; 3]),
+    /// By a texture, or beyond black and white: computed for every pixel.
+    Shaded,
+}
+
+impl Ink {
+    fn new(triangle: &Triangle) -> Self {
+        let corners = triangle.radiance.map(luminance);
+        if triangle.texture.is_some() || corners.iter().any(|value| !(0.0..=1.0).contains(value)) {
+            return Self::Shaded;
+        }
+        if corners == [corners[0]; 3] {
+            return Self::Flat(level(corners[0]));
+        }
+        Self::Smooth(corners.map(|value| (value * WHITE).min(SMOOTH_MAX)))
+    }
+}
+
+/// A luminance as a number that is above the same thresholds: these are whole, so that it may be rounded up.
+pub fn level(luminance: f32) -> i16 {
+    (luminance * WHITE).ceil().clamp(0.0, WHITE - 1.0) as i16
+}
+
+/// A mesh in lanes.
+pub struct Figure {
+    /// As it came.
+    pub mesh: Mesh,
+    /// x, y and z of the vertices in world metres, padded to whole [`LANES`] with the origin.
+    pub positions: [Vec<[f32; LANES]>; 3],
+    /// First, second and third corners of the triangles, padded with triangles that are points.
+    pub corners: [Vec<[u32; LANES]>; 3],
+    /// What leaves each triangle.
+    pub inks: Vec<Ink>,
+    /// Bit by bit, which triangles of each group of [`LANES`] belong to solids, of which only the front is seen.
+    pub solid: Vec<u32>,
+    /// The distance of the farthest vertex from the origin in metres: no depth is beyond it.
+    pub radius_m: f32,
+}
+
+impl Figure {
+    /// `mesh` in lanes.
+    pub fn new(mesh: Mesh) -> Self {
+        let axis = |axis: usize| {
+            let values = mesh.positions.iter().map(|position| position[axis] as f32);
+            lanes(values)
+        };
+        let corner = |corner: usize| lanes(mesh.triangles.iter().map(|triangle| triangle.corners[corner]));
+        let solid = solids(&mesh);
+        let bits = |group: &[bool]| (0..).zip(group).map(|(lane, solid)| u32::from(*solid) << lane).sum();
+        let radius_m = mesh.positions.iter().map(|position| position.length()).fold(0.0, f64::max) as f32;
+        Self {
+            positions: [0, 1, 2].map(axis),
+            corners: [0, 1, 2].map(corner),
+            inks: mesh.triangles.iter().map(Ink::new).collect(),
+            solid: solid.chunks(LANES).map(bits).collect(),
+            // Where there is nothing, or nothing but the origin, any scale of depths will do.
+            radius_m: if radius_m > 0.0 { radius_m } else { 1.0 },
+            mesh,
+        }
+    }
+}
+
+fn lanes<T: Copy + Default>(values: impl Iterator<Item = T>) -> Vec<[T; LANES]> {
+    let mut groups = Vec::new();
+    for (index, value) in values.enumerate() {
+        if index % LANES == 0 {
+            groups.push([T::default(); LANES]);
+        }
+        groups[index / LANES][index % LANES] = value;
+    }
+    groups
+}

@@ -1,0 +1,192 @@
+//! A scene on a rig, rendered slice by slice: a task a frame.
+
+use super::block::Block;
+use super::figure::{Figure, WHITE};
+use super::front::front;
+use super::grid::{FAR_PX, Grid};
+use super::level::{Level, Work};
+use super::panel::Panel;
+use super::raster::{Scene, Touched, View, draw};
+use super::surface::{Bits, Greys, Surface};
+use super::vertices::Vertices;
+use crate::render::blur::eye_blur;
+use crate::render::clear::owner;
+use crate::render::plan::{Halftone, Plan};
+use crate::render::tessellate::tessellate;
+use crate::render::turn::Turn;
+use crate::render::{Prepared, RenderError, Wanted};
+use crate::scene::ShadedScene;
+use glam::DVec2;
+use protocol::rig::Rig;
+use rayon::prelude::*;
+use shaders::halftone::mask::Mask;
+use shaders::halftone::{Slot, halftone};
+use shaders::project::methods::{FaceOptics, SliceProjector};
+use shaders::project::{Model, SliceOptics};
+use std::sync::{Mutex, PoisonError};
+
+/// Slices that one task makes, one after the other.
+const FRAME: usize = 24;
+
+/// A scene on a rig.
+pub struct Job<'a> {
+    level: Level,
+    scene: &'a ShadedScene,
+    rig: Rig,
+    halftone: Halftone,
+    figure: Figure,
+    faces: Vec<FaceOptics<f32>>,
+    /// One for each task at work; they are kept from turn to turn.
+    rooms: Mutex<Vec<Room>>,
+}
+
+/// What a task works in.
+#[derive(Default)]
+struct Room {
+    vertices: Vertices,
+    panel: Panel,
+    /// The faces of a slice, where there are several.
+    panels: Vec<SliceOptics>,
+    bits: Option<Bits>,
+    greys: Option<Greys>,
+    luminances: Vec<f32>,
+}
+
+impl<'a> Job<'a> {
+    /// `scene` by `plan`, with the instructions of `level`, which this machine must have.
+    pub fn new(level: Level, scene: &'a ShadedScene, rig: &Rig, plan: &Plan) -> Result<Self, RenderError> {
+        let optics = |face| FaceOptics::new(rig, face, plan.projection.into());
+        Ok(Self {
+            level,
+            scene,
+            rig: rig.clone(),
+            halftone: plan.halftone,
+            figure: Figure::new(tessellate(scene, rig, plan)?),
+            faces: (0..rig.mirror.face.len()).map(optics).collect(),
+            rooms: Mutex::default(),
+        })
+    }
+}
+
+impl Prepared for Job<'_> {
+    fn render(&mut self, wanted: Wanted<'_>, turn: &mut Turn) -> Result<(), RenderError> {
+        let size = [turn.width(), turn.height()];
+        let grid = Grid::new(size, self.figure.radius_m);
+        let slice_bytes = turn.slice_bytes();
+        let job: &Self = self;
+        turn.bytes_mut().par_chunks_mut(slice_bytes * FRAME).enumerate().for_each(|(frame, bytes)| {
+            let mut room = job.rooms.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
+            for (slice, bytes) in (frame * FRAME..).zip(bytes.chunks_exact_mut(slice_bytes)) {
+                let slice = slice as u32;
+                if wanted.slices.contains(&slice) {
+                    let slot = Slot { slice, turn: wanted.number, blur: eye_blur(&job.rig, slice) };
+                    job.level.run(Slice { job, grid, slot, room: &mut room, bytes });
+                    (wanted.done)();
+                }
+            }
+            job.rooms.lock().unwrap_or_else(PoisonError::into_inner).push(room);
+        });
+        Ok(())
+    }
+}
+
+/// One slice to be made.
+struct Slice<'a, 'b> {
+    job: &'a Job<'b>,
+    grid: Grid,
+    slot: Slot,
+    room: &'a mut Room,
+    bytes: &'a mut [u8],
+}
+
+impl Work for Slice<'_, '_> {
+    #[inline(always)]
+    fn run<B: Block>(self) {
+        let Self { job, grid, slot, room, bytes } = self;
+        let size = grid.size;
+        if let Some(mask) = job.halftone.binary().and_then(|method| Mask::new(method, slot.slice, slot.turn)) {
+            let mut bits = room.bits.take().unwrap_or_else(|| Bits::new(size));
+            bits.tile.set(mask, size);
+            let touched = job.draw::<B, _>(&grid, slot.slice, room, &mut bits);
+            bytes.fill(0);
+            bits.take::<B>([touched.first[0], touched.end[0]], [touched.first[1], touched.end[1]], size, bytes);
+            room.bits = Some(bits);
+            return;
+        }
+        let mut greys = room.greys.take().unwrap_or_else(|| Greys::new(size));
+        let touched = job.draw::<B, _>(&grid, slot.slice, room, &mut greys);
+        let rows = [touched.first[1], touched.end[1]];
+        let width = size[0] as usize;
+        match job.halftone.binary() {
+            None => {
+                bytes.fill(0);
+                greys.take(rows, size, |y, values| {
+                    for (byte, value) in bytes[y * width..].iter_mut().zip(values) {
+                        *byte = (linear(*value) * 255.0 + 0.5) as u8;
+                    }
+                });
+            }
+            Some(method) => {
+                room.luminances.clear();
+                room.luminances.resize(width * size[1] as usize, 0.0);
+                greys.take(rows, size, |y, values| {
+                    for (luminance, value) in room.luminances[y * width..].iter_mut().zip(values) {
+                        *luminance = linear(*value);
+                    }
+                });
+                halftone(method, slot, size[0] as u32, &room.luminances, bytes);
+            }
+        }
+        room.greys = Some(greys);
+    }
+}
+
+/// A luminance from what [`super::figure::level`] made of it, or a gradient that has been rounded.
+fn linear(level: i16) -> f32 {
+    f32::from(level).max(0.0) / (WHITE - 1.0)
+}
+
+impl Job<'_> {
+    /// Draws a slice, and tells which pixels it has touched.
+    #[inline(always)]
+    fn draw<B: Block, S: Surface>(&self, grid: &Grid, slice: u32, room: &mut Room, surface: &mut S) -> Touched {
+        let theta = self.rig.slice_angle(slice);
+        let is_shared = self.faces.len() > 1;
+        room.panels.clear();
+        if is_shared {
+            // Whose a pixel is does not depend on how V' is found.
+            let panel = |face| SliceOptics::new(&self.rig, face, theta, Model::Planar);
+            room.panels.extend((0..self.faces.len()).map(panel));
+        }
+        let scene = Scene { figure: &self.figure, textures: &self.scene.textures, grid: *grid };
+        let mut touched = Touched::NONE;
+        for (face, optics) in self.faces.iter().enumerate() {
+            let projector = optics.slice(theta);
+            room.panel.forget(grid.size);
+            room.vertices.project(&self.figure, &projector, grid);
+            let panels = &room.panels;
+            let shows = |[x, y]: [i32; 2]| {
+                let centre = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+                (!is_shared || owner(panels, centre) == Some(face))
+                    && projector.sight(centre.as_vec2().to_array()).is_some()
+            };
+            let corner = |index: u32| self.corner(grid, &projector, index);
+            let front = front(&self.rig, face, theta, &projector);
+            let view = View { shows: &shows, is_shared, front, corner: &corner };
+            draw::<B, S>(&scene, &view, &room.vertices, &mut room.panel, surface, &mut touched);
+        }
+        touched
+    }
+
+    /// A vertex that 16 bits may be too narrow for: the same numbers as in [`Vertices`], but for their range.
+    fn corner(&self, grid: &Grid, projector: &SliceProjector<f32>, index: u32) -> [i64; 3] {
+        let position = self.figure.mesh.positions[index as usize].as_vec3().to_array();
+        let vertex = projector.vertices(position.each_ref().map(core::array::from_ref::<f32>));
+        let place = |axis: usize| {
+            let pixel = vertex.pixel[axis][0].clamp(-FAR_PX, FAR_PX);
+            let steps = (pixel - grid.origin[axis] as f32) * grid.steps() as f32;
+            f64::from(steps).round_ties_even() as i64
+        };
+        [place(0), place(1), grid.depth(vertex.depth_m[0]).into()]
+    }
+}
