@@ -101,7 +101,12 @@ impl<F: Real> SliceProjector<F> {
 
     /// The cone's line, to the last digits of `F` that [`Real::TOLERANCE_PX`] asks for.
     fn root(&self, place: &Place<F>, planar: Line<F>) -> Option<Line<F>> {
-        self.newton(place, planar, self.settled * F::of(0.1 * F::TOLERANCE_PX / NEWTON_PX))
+        self.newton(place, planar, self.settled * Self::root_part())
+    }
+
+    /// What part of the step after which Newton's method has settled is the root's.
+    pub(super) fn root_part() -> F {
+        F::of(0.1 * F::TOLERANCE_PX / NEWTON_PX)
     }
 
     /// What the table holds for a point of the mirror's frame: how far the cone moves the viewer across, over the planar line's way
