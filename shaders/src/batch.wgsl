@@ -6,7 +6,7 @@ struct Batch {
     triangles: u32,
     width: u32,
     height: u32,
-    // Groups of 32 pixels in a row, and words that hold each.
+    // Groups of 32 pixels in a row, and words that hold each, which are the bits of a pixel.
     groups: u32,
     words: u32,
     // Slots side by side and below each other in a layer of the target.

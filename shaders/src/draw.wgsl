@@ -23,7 +23,7 @@ fn draw_vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) insta
     if is_out(corners) || any(high < vec2f(0.0)) || any(low > size) {
         return Corner(vec4f(2.0, 2.0, 2.0, 1.0), vec3f(0.0), triangle, instance, 0u);
     }
-    let own = corners[index % 3u];
+    let own = projected[instance * batch.vertices + triangles[triangle].corners[index % 3u]];
     let target_size = vec2f(f32(batch.columns * batch.width), f32(batch.rows * batch.height));
     let place = (vec2f(cell_of(instance / batch.faces)) + own.pixel) / target_size;
     return Corner(

@@ -182,7 +182,7 @@ pub struct Batch {
     pub height: u32,
     /// Groups of 32 pixels in a row.
     pub groups: u32,
-    /// Words that hold a group.
+    /// Words that hold a group: the bits of a pixel.
     pub words: u32,
     /// Slots side by side in a layer of the target.
     pub columns: u32,

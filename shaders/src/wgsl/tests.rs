@@ -19,8 +19,8 @@ fn every_module_is_valid() {
     module(&[BATCH, PROJECT, HALFTONE, VERTICES]);
     module(&[BATCH, PROJECT, HALFTONE, SHADE, PANEL, DRAW]);
     module(&[BATCH, PROJECT, HALFTONE, SHADE, PANEL, RASTER]);
-    module(&[BATCH, HALFTONE, PACK, PACK_TARGET]);
-    module(&[BATCH, HALFTONE, PACK, PACK_KEYS]);
+    module(&[BATCH, PACK, PACK_TARGET]);
+    module(&[BATCH, PACK, PACK_KEYS]);
 }
 
 /// Name and offset of a struct's fields in WGSL, and its size.

@@ -55,7 +55,7 @@ impl DrawPipelines {
             multiview_mask: None,
             cache: None,
         });
-        let pack = gpu.compute(&gpu.module(&[BATCH, HALFTONE, PACK, PACK_TARGET]), "pack");
+        let pack = gpu.compute(&gpu.module(&[BATCH, PACK, PACK_TARGET]), "pack");
         Self { draw, pack }
     }
 }

@@ -41,11 +41,9 @@ impl Frame<'_> {
         bindings
     }
 
-    /// What is wanted, and where it goes.
+    /// Where it goes.
     pub fn for_packing(&self) -> Vec<(u32, BindingResource<'_>)> {
-        [(0, self.batch), (2, self.slots), (6, self.planes)]
-            .map(|(binding, buffer)| (binding, buffer.as_entire_binding()))
-            .into()
+        vec![(0, self.batch.as_entire_binding()), (6, self.planes.as_entire_binding())]
     }
 }
 
@@ -54,8 +52,8 @@ pub(super) struct Batch {
     pub slots: u32,
     pub faces: u32,
     pub triangles: u32,
-    /// Groups of 32 pixels in a row, and rows.
-    groups: [u32; 2],
+    /// Words in a row, and rows.
+    words: [u32; 2],
 }
 
 impl Batch {
@@ -64,7 +62,7 @@ impl Batch {
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, drawn, &[]);
-        let [across, down] = self.groups.map(|count| count.div_ceil(8));
+        let [across, down] = self.words.map(|count| count.div_ceil(8));
         pass.dispatch_workgroups(across, down, self.slots);
     }
 }
@@ -98,7 +96,7 @@ pub(super) struct Job<'a> {
     faces: u32,
     triangles: u32,
     vertex_count: u32,
-    groups: u32,
+    row_words: u32,
     size: [u32; 2],
     slots: u32,
     drawing: Drawing<'a>,
@@ -127,14 +125,13 @@ impl<'a> Job<'a> {
         }
         let plan = Sizes::new(gpu, model, way, size, halftone.is_some())?;
         let Sizes { grid, slots, .. } = plan;
-        let groups = size[0].div_ceil(32);
         let values = wgsl::Batch {
             faces: model.faces,
             vertices: model.vertices,
             triangles: model.triangles,
             width: size[0],
             height: size[1],
-            groups,
+            groups: size[0].div_ceil(32),
             words: if halftone.is_some() { 1 } else { 8 },
             columns: grid.columns,
             rows: grid.rows,
@@ -178,7 +175,7 @@ impl<'a> Job<'a> {
             faces: model.faces,
             triangles: model.triangles,
             vertex_count: model.vertices,
-            groups,
+            row_words: values.groups * values.words,
             size,
             slots,
             drawing,
@@ -218,7 +215,7 @@ impl<'a> Job<'a> {
         pass.set_bind_group(0, &self.projecting, &[]);
         dispatch(&mut pass, self.vertex_count, slots * self.faces);
         drop(pass);
-        let batch = Batch { slots, faces: self.faces, triangles: self.triangles, groups: [self.groups, self.size[1]] };
+        let batch = Batch { slots, faces: self.faces, triangles: self.triangles, words: [self.row_words, self.size[1]] };
         match &self.drawing {
             Drawing::Hardware(draw) => draw.encode(&mut encoder, &batch),
             Drawing::Compute(raster) => raster.encode(&mut encoder, &batch),
@@ -264,8 +261,7 @@ impl<'a> Job<'a> {
 
     /// Words of a slice on the device.
     fn slice_words(&self) -> usize {
-        let words = if self.halftone.is_some() { 1 } else { 8 };
-        (self.groups * words * self.size[1]) as usize
+        (self.row_words * self.size[1]) as usize
     }
 }
 

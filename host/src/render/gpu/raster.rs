@@ -26,7 +26,7 @@ impl RasterPipelines {
         Self {
             small: gpu.compute(&module, "fill_small"),
             large: gpu.compute(&module, "fill_large"),
-            pack: gpu.compute(&gpu.module(&[BATCH, HALFTONE, PACK, PACK_KEYS]), "pack"),
+            pack: gpu.compute(&gpu.module(&[BATCH, PACK, PACK_KEYS]), "pack"),
         }
     }
 }
