@@ -4,6 +4,7 @@
 pub mod diffusion;
 pub mod mask;
 pub mod search;
+mod tile;
 pub mod void_and_cluster;
 
 use diffusion::{Kernel, diffuse};

@@ -192,13 +192,10 @@ pub(super) struct RendererArgs {
 }
 
 impl RendererArgs {
-    /// The renderer; a warning where the GPU that was asked for cannot be had.
+    /// The renderer; a warning where the GPU that was asked for cannot be had, or as soon as it fails.
     pub(super) fn open(&self) -> Box<dyn Renderer> {
-        let (renderer, error) = pick(self.renderer, self.adapter.as_deref());
-        if let Some(error) = error {
-            warn(format!("{error}: rendering on the CPU"));
-        }
-        renderer
+        let notice = |error: &_| warn(format!("{error}: rendering on the CPU"));
+        pick(self.renderer, self.adapter.as_deref(), Box::new(notice))
     }
 }
 

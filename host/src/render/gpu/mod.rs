@@ -1,12 +1,30 @@
 //! The renderers on a GPU, by wgpu.
 
-use super::plan::Plan;
-use super::{Prepared, RenderError, Renderer};
+mod device;
+mod draw;
+mod job;
+mod model;
+mod raster;
+
+use super::plan::{DepthTest, Edges, Halftone, Plan, Precision};
+use super::second_pass::SecondPass;
+use super::tessellate::tessellate;
+use super::{Prepared, RenderError, Renderer, Wanted, dark_turn};
 use crate::scene::ShadedScene;
 use clap::ValueEnum;
+use device::Gpu;
+use draw::DrawPipelines;
+use job::Job;
+use model::Model;
 use protocol::rig::Rig;
+use raster::RasterPipelines;
 use serde::{Deserialize, Serialize};
+use shaders::project::methods::single_is_enough;
+use shaders::wgsl::{self, Mask};
+use std::sync::OnceLock;
+use std::time::Instant;
 use thiserror::Error;
+use wgpu::ComputePipeline;
 
 /// Why a GPU does not render.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -64,40 +82,142 @@ impl Way {
     pub const ALL: [Self; 3] = [Self::Slice, Self::Atlas, Self::Compute];
 }
 
+/// Pipelines, compiled when they are first used.
+struct Pipelines {
+    vertices: ComputePipeline,
+    draw: OnceLock<DrawPipelines>,
+    raster: OnceLock<RasterPipelines>,
+}
+
+impl Pipelines {
+    fn new(gpu: &Gpu) -> Self {
+        let module = gpu.module(&[wgsl::BATCH, wgsl::PROJECT, wgsl::HALFTONE, wgsl::VERTICES]);
+        Self { vertices: gpu.compute(&module, "vertices"), draw: OnceLock::new(), raster: OnceLock::new() }
+    }
+
+    fn vertices(&self) -> &ComputePipeline {
+        &self.vertices
+    }
+
+    fn draw(&self, gpu: &Gpu) -> &DrawPipelines {
+        self.draw.get_or_init(|| DrawPipelines::new(gpu))
+    }
+
+    fn raster(&self, gpu: &Gpu) -> &RasterPipelines {
+        self.raster.get_or_init(|| RasterPipelines::new(gpu))
+    }
+}
+
 /// Renders on one adapter.
 pub struct GpuRenderer {
-    adapter: String,
+    gpu: Gpu,
+    pipelines: Pipelines,
+    way: Option<Way>,
+}
+
+/// The names, drivers and interfaces of all adapters, the best first.
+pub fn adapters() -> Vec<String> {
+    device::adapters().iter().map(device::name_of).collect()
 }
 
 impl GpuRenderer {
-    /// Opens the first adapter whose name contains `adapter` in any case, or the best one. `way`: how to draw; without one, what is
-    /// found the quicker of [`Way::Atlas`] and [`Way::Compute`] for each scene.
-    pub fn open(adapter: Option<&str>, _way: Option<Way>) -> Result<Self, GpuError> {
-        Err(GpuError::NoAdapter { wanted: adapter.map(str::to_string), found: "this build has none".into() })
+    /// Opens the best adapter whose name contains `adapter` in any case. `way`: how to draw; without one, what is found the quicker of
+    /// [`Way::Atlas`] and [`Way::Compute`] for each scene.
+    ///
+    /// # Errors
+    /// [`GpuError::NoAdapter`] and, where the driver fails, [`GpuError::Lost`].
+    pub fn open(adapter: Option<&str>, way: Option<Way>) -> Result<Self, GpuError> {
+        let gpu = Gpu::open(adapter)?;
+        let pipelines = Pipelines::new(&gpu);
+        gpu.check()?;
+        Ok(Self { gpu, pipelines, way })
     }
 
-    /// The adapter's name and driver.
+    /// The adapter's name, driver and interface.
     pub fn adapter(&self) -> &str {
-        &self.adapter
+        &self.gpu.name
     }
 
     /// Whether the adapter is a processor that plays a GPU, and slower than [`super::fast`].
     pub fn is_software(&self) -> bool {
-        true
+        self.gpu.is_software
     }
+
+    /// How it draws from now on: see [`GpuRenderer::open`].
+    pub fn set_way(&mut self, way: Option<Way>) {
+        self.way = way;
+    }
+
+    /// Destroys the device: from now on all that is rendered fails with [`GpuError::Lost`], as where a card is pulled out.
+    pub fn destroy(&self) {
+        self.gpu.device.destroy();
+    }
+
+    /// A job by the quicker way, by the time that the second batch of each takes.
+    fn quicker<'a>(
+        &'a self,
+        job: impl Fn(Way) -> Result<Job<'a>, GpuError>,
+        rig: &Rig,
+        plan: &Plan,
+    ) -> Result<Job<'a>, RenderError> {
+        let mut turn = dark_turn(rig, plan)?;
+        let slices: Vec<_> = (0..rig.rotation.slices.min(job::SLOTS)).collect();
+        let mut best: Option<(f64, Job<'a>)> = None;
+        for way in [Way::Atlas, Way::Compute] {
+            let mut job = job(way)?;
+            let mut seconds = 0.0;
+            // The first time drivers compile.
+            for _ in 0..2 {
+                let start = Instant::now();
+                job.render(Wanted { slices: &slices, number: 0, done: &|| () }, &mut turn)?;
+                seconds = start.elapsed().as_secs_f64();
+            }
+            if best.as_ref().is_none_or(|(least, _)| seconds < *least) {
+                best = Some((seconds, job));
+            }
+        }
+        Ok(best.expect("two ways").1)
+    }
+}
+
+/// An error for what only the CPU renders.
+fn refuse(rig: &Rig, plan: &Plan) -> Result<(), GpuError> {
+    let what = match plan {
+        Plan { precision: Precision::Double, .. } => "double precision",
+        Plan { edges: Edges::Discard, .. } => "a test by pixel of what lies on triangles",
+        Plan { edges: Edges::Rays, .. } => "a ray for every pixel",
+        Plan { depth: DepthTest::Exact, .. } => "exact depth",
+        _ if !single_is_enough(rig) => "a rig for which single precision is not enough",
+        _ => return Ok(()),
+    };
+    Err(GpuError::Unsupported { what: what.into() })
 }
 
 impl Renderer for GpuRenderer {
     fn name(&self) -> String {
-        format!("gpu {}", self.adapter)
+        format!("gpu {}", self.gpu.name)
     }
 
     fn prepare<'a>(
         &'a self,
-        _scene: &'a ShadedScene,
-        _rig: &Rig,
-        _plan: &Plan,
+        scene: &'a ShadedScene,
+        rig: &Rig,
+        plan: &Plan,
     ) -> Result<Box<dyn Prepared + 'a>, RenderError> {
-        Err(GpuError::Unsupported { what: "everything".into() }.into())
+        self.gpu.check()?;
+        refuse(rig, plan)?;
+        if plan.halftone != Halftone::Grey && !plan.halftone.is_mask() {
+            return SecondPass::prepare(self, scene, rig, plan);
+        }
+        let mesh = tessellate(scene, rig, plan)?;
+        let method = plan.halftone.binary();
+        let ranks = method.map(Mask::ranks).unwrap_or_default();
+        let model = Model::new(&self.gpu, &mesh, &scene.textures, rig, plan.projection.into(), &ranks)?;
+        let size = [rig.projector.width_px, rig.projector.height_px];
+        let job = |way| Job::new(&self.gpu, &self.pipelines, &model, way, size, method);
+        Ok(Box::new(match self.way {
+            Some(way) => job(way)?,
+            None => self.quicker(job, rig, plan)?,
+        }))
     }
 }
