@@ -9,7 +9,7 @@ use shaders::project::methods::{FaceOptics, Method};
 use std::hint::black_box;
 
 const SIDE: u32 = 768;
-const LANES: usize = 16;
+const LANES: usize = 32;
 
 /// A fixed scatter in 0 … 1.
 fn fraction(index: usize) -> f32 {

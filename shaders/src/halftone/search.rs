@@ -14,6 +14,9 @@ use core::array::from_fn;
 const SWEEPS: u32 = 4;
 
 /// Improves the bits of `plane` for an eye with `blur`; see [`super::halftone`] for the rest.
+///
+/// Half of the time are sums written for the caller's vector instructions.
+#[inline(always)]
 pub fn improve(blur: Blur, width: u32, luminance: &[f32], plane: &mut [u8]) {
     let kernel = Kernel::sampled(blur);
     let mut search = Search::new(&kernel, width, luminance, plane);
@@ -184,6 +187,7 @@ pub struct Search {
 
 impl Search {
     /// A slice of `width` columns whose bits are those of `plane`; see [`super::halftone`].
+    #[inline(always)]
     pub fn new(kernel: &Kernel, width: u32, luminance: &[f32], plane: &[u8]) -> Self {
         let stride = plane_stride(width);
         let width = width as usize;
@@ -212,6 +216,7 @@ impl Search {
     }
 
     /// c from the bits.
+    #[inline(always)]
     fn convolve(&mut self, kernel: &Kernel) {
         let [width, height] = self.size;
         let inner = TILE..width - TILE;
@@ -249,26 +254,20 @@ impl Search {
         }
     }
 
-    /// Decides every pixel once. Returns how many moved.
+    /// Decides every pixel once, phase after phase. Returns how many moved.
+    ///
+    /// Rows [`TILE`] apart do not see each other: each goes through its phases while it is in the cache.
     pub fn sweep(&mut self, kernel: &Kernel, moves: Moves) -> u32 {
-        (0..TILE * TILE).map(|phase| self.decide(kernel, moves, phase)).sum()
-    }
-
-    /// Decides the pixels of a phase. Returns how many moved.
-    fn decide(&mut self, kernel: &Kernel, moves: Moves, phase: usize) -> u32 {
-        let cells = self.phase(phase);
+        let [width, height] = self.size;
+        let rows = (0..TILE).flat_map(|first| (TILE + first..height - TILE).step_by(TILE));
+        let row = |y: usize| {
+            (0..TILE).flat_map(move |first| (y * width + TILE + first..(y + 1) * width - TILE).step_by(TILE))
+        };
         let decide = |cell| match moves {
             Moves::Flips => self.flip(kernel, cell),
             Moves::Swaps => self.swap(kernel, cell),
         };
-        cells.map(decide).map(u32::from).sum()
-    }
-
-    /// The cells of a phase.
-    fn phase(&self, phase: usize) -> impl Iterator<Item = usize> + use<> {
-        let [width, height] = self.size;
-        let rows = (TILE + phase / TILE..height - TILE).step_by(TILE);
-        rows.flat_map(move |y| (y * width + TILE + phase % TILE..(y + 1) * width - TILE).step_by(TILE))
+        rows.flat_map(row).map(decide).map(u32::from).sum()
     }
 
     /// Flips `cell` where that lowers the energy.

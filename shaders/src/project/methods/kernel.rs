@@ -11,7 +11,8 @@ use super::table::SliceTable;
 use super::{Method, Real, SightLine, Vertex};
 use crate::project::{SliceOptics, Viewer, Visibility};
 use glam::{DMat3, DVec2, DVec3};
-use lines::{CANCELLATION, NEWTON_PX, NEWTON_TURN};
+pub(super) use lines::Course;
+use lines::{CANCELLATION, NEAR, NEWTON_PX, NEWTON_TURN, SOUND};
 use protocol::rig::Viewers;
 
 /// One face in one slice.
@@ -58,7 +59,7 @@ struct Lens<F> {
     fold_squared: F,
 }
 
-/// What [`SliceProjector::trial`] finds.
+/// What [`SliceProjector::last_part`] finds.
 pub(super) struct Trial<F> {
     pub pixel: [F; 2],
     pub depth_m: F,
@@ -182,15 +183,27 @@ impl<F: Real> SliceProjector<F> {
         })
     }
 
-    /// [`SliceProjector::vertex`] without a branch, with `STEPS` of Newton's steps from the planar line.
+    /// The first of the parts of [`SliceProjector::vertex`] without a branch. Between them come steps.
     #[inline(always)]
-    pub(super) fn trial<const STEPS: usize>(&self, point: [F; 3], settled: F) -> Trial<F> {
+    pub(super) fn first_part(&self, point: [F; 3]) -> Course<F> {
+        self.start(&self.place(point))
+    }
+
+    /// A step toward the cone's line.
+    #[inline(always)]
+    pub(super) fn next_part(&self, point: [F; 3], course: Course<F>, settled: F) -> Course<F> {
+        self.advance(&self.place(point), course, settled)
+    }
+
+    /// The last part. With `CONE` it asks for the cone's line.
+    #[inline(always)]
+    pub(super) fn last_part<const CONE: bool>(&self, point: [F; 3], course: Course<F>, settled: F) -> Trial<F> {
         let place = self.place(point);
-        let (planar, is_sound) = self.planar_line(&place);
-        let (line, is_reached) = self.steps::<STEPS>(&place, planar, settled);
+        let (line, is_reached) =
+            if CONE { self.arrive(&place, &course, settled) } else { (self.search(&place, &course).line, true) };
         let (pixel, is_imaged) = self.pixel(line.mirror);
-        let is_near = self.is_near(planar.mirror);
-        let is_sure = is_sound & (is_reached | !is_near);
+        let is_near = course.marks & NEAR != 0;
+        let is_sure = (course.marks & SOUND != 0) & (is_reached | !is_near);
         let is_somewhere = is_near & is_imaged & (line.range * self.near > -F::one());
         let state = self.sides(line.mirror) | if self.is_lit(&line) { 0 } else { UNLIT };
         let state = if is_somewhere { state } else { NOWHERE };

@@ -3,6 +3,7 @@
 use super::super::table::SliceTable;
 use super::super::{Method, Real};
 use super::{Line, Place, SliceProjector};
+use core::array::from_fn;
 
 /// How often lengths may be larger than the difference that a direction is taken from. Beyond it too many digits cancel.
 pub(super) const CANCELLATION: f64 = 4.0;
@@ -27,8 +28,8 @@ struct Defect<F> {
 
 /// Newton's method on its way.
 #[derive(Clone, Copy)]
-struct Search<F> {
-    line: Line<F>,
+pub(super) struct Search<F> {
+    pub(super) line: Line<F>,
     /// How fast the defect, times |V' − Q|, rose with the viewer's place across.
     rise: F,
     /// The size of the last step.
@@ -46,6 +47,32 @@ impl<F: Real> Search<F> {
     #[inline(always)]
     fn is_settled(&self, defect: &Defect<F>, settled: F) -> bool {
         defect.value.abs() < settled * self.rise
+    }
+}
+
+/// A [`Search`] as few numbers, for many to lie in lanes.
+#[derive(Clone, Copy)]
+pub(in super::super) struct Course<F> {
+    /// The line toward the viewer from above, its range, [`Search::rise`], [`Search::last`].
+    pub numbers: [F; 5],
+    /// [`NEAR`], [`SOUND`], [`SETTLED`], [`ASTRAY`].
+    pub marks: i32,
+}
+
+/// [`Course::marks`]: the planar line's M is near the panel.
+pub(super) const NEAR: i32 = 1;
+/// [`Course::marks`]: the planar line's digits do not cancel.
+pub(super) const SOUND: i32 = 2;
+/// [`Course::marks`]: no step is needed any more.
+const SETTLED: i32 = 4;
+/// [`Course::marks`]: a step did not converge.
+const ASTRAY: i32 = 8;
+
+impl<F: Real> Course<F> {
+    #[inline(always)]
+    fn of(search: &Search<F>, marks: i32) -> Self {
+        let Search { line, rise, last } = *search;
+        Self { numbers: [line.toward[0], line.toward[2], line.range, rise, last], marks }
     }
 }
 
@@ -86,12 +113,17 @@ impl<F: Real> SliceProjector<F> {
     /// The line of a point toward a viewer who is `away` from it, seen from above.
     #[inline(always)]
     fn line(&self, place: &Place<F>, away: [F; 2]) -> Line<F> {
-        let [x, z] = away;
+        self.line_of(place, away, |toward_above| place.above / toward_above)
+    }
+
+    /// The same, with its range from [`Line::toward_above`].
+    #[inline(always)]
+    fn line_of(&self, place: &Place<F>, [x, z]: [F; 2], range: impl FnOnce(F) -> F) -> Line<F> {
         let y = self.circle[1] - self.near * place.y;
         let [sin, cos] = self.tilt;
         let toward_slope = sin * y - cos * z;
         let toward_above = cos * y + sin * z;
-        let range = place.above / toward_above;
+        let range = range(toward_above);
         Line {
             viewer: [self.near * place.x + x, self.near * place.z + z],
             toward: [x, y, z],
@@ -191,23 +223,39 @@ impl<F: Real> SliceProjector<F> {
         None
     }
 
-    /// `COUNT` steps of [`SliceProjector::newton`] without a branch, and whether it returns this line. Without a step the line stays.
+    /// From the planar line.
     #[inline(always)]
-    pub(super) fn steps<const COUNT: usize>(&self, place: &Place<F>, planar: Line<F>, settled: F) -> (Line<F>, bool) {
-        if COUNT == 0 {
-            return (planar, true);
-        }
-        let mut search = Search::from(planar);
-        let (mut is_settled, mut converges) = (false, true);
-        for _ in 0..COUNT {
-            let defect = self.defect(&search.line);
-            is_settled |= search.is_settled(&defect, settled);
-            let (next, nearer) = self.step(place, &search, &defect);
-            converges &= is_settled | nearer;
-            search = if is_settled { search } else { next };
-        }
-        is_settled |= search.is_settled(&self.defect(&search.line), settled);
-        (search.line, is_settled & converges & self.is_steep(place, &search.line))
+    pub(super) fn start(&self, place: &Place<F>) -> Course<F> {
+        let (planar, is_sound) = self.planar_line(place);
+        let near = if self.is_near(planar.mirror) { NEAR } else { 0 };
+        Course::of(&Search::from(planar), near | if is_sound { SOUND } else { 0 })
+    }
+
+    /// One of the steps of [`SliceProjector::newton`] without a branch.
+    #[inline(always)]
+    pub(super) fn advance(&self, place: &Place<F>, course: Course<F>, settled: F) -> Course<F> {
+        let search = self.search(place, &course);
+        let defect = self.defect(&search.line);
+        let (next, converges) = self.step(place, &search, &defect);
+        let is_settled = (course.marks & SETTLED != 0) | search.is_settled(&defect, settled);
+        let marks = course.marks | if is_settled { SETTLED } else { 0 };
+        let marks = marks | if is_settled | converges { 0 } else { ASTRAY };
+        let next = Course::of(&next, marks).numbers;
+        Course { numbers: from_fn(|index| if is_settled { course.numbers[index] } else { next[index] }), marks }
+    }
+
+    /// The line, and whether [`SliceProjector::newton`] returns it.
+    #[inline(always)]
+    pub(super) fn arrive(&self, place: &Place<F>, course: &Course<F>, settled: F) -> (Line<F>, bool) {
+        let search = self.search(place, course);
+        let is_settled = (course.marks & SETTLED != 0) | search.is_settled(&self.defect(&search.line), settled);
+        (search.line, is_settled & (course.marks & ASTRAY == 0) & self.is_steep(place, &search.line))
+    }
+
+    #[inline(always)]
+    pub(super) fn search(&self, place: &Place<F>, course: &Course<F>) -> Search<F> {
+        let [x, z, range, rise, last] = course.numbers;
+        Search { line: self.line_of(place, [x, z], |_| range), rise, last }
     }
 
     /// One of Newton's steps, and whether it is so small that it converges.

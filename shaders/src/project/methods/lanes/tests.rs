@@ -6,7 +6,7 @@ use glam::DVec2;
 use proptest::prelude::*;
 use protocol::rig::Rig;
 
-const N: usize = 16;
+const N: usize = 32;
 
 /// Asserts that every lane has the bits of its own `vertex`, and returns how many are on the panel.
 fn check(projector: &SliceProjector<f32>, points: [[f32; N]; 3]) -> Result<usize, TestCaseError> {
@@ -68,7 +68,7 @@ proptest! {
         focal in 100.0f64..8000.0, radial in prop::option::of(prop::array::uniform2(-0.5f64..0.5)),
         distance in 0.2f64..1e4, viewer_height in -2.0f64..5.0, infinite: bool, slice in 0u32..288,
         method in prop::sample::select(vec![Method::Planar, Method::ConeNewton, Method::ConeRoot]),
-        mut points in prop::array::uniform3(prop::array::uniform16(-0.1f32..0.1)), scale in prop::option::of(1e-3f32..30.0),
+        mut points in prop::array::uniform3(prop::array::uniform32(-0.1f32..0.1)), scale in prop::option::of(1e-3f32..30.0),
         odd in prop::array::uniform3(any::<f32>()),
     ) {
         let viewing = if infinite {
