@@ -1,5 +1,15 @@
 // What the passes over a batch of slices have in common. A slot is a slice's place in the batch; an instance is a face in a slot.
 
+struct Instance {
+    mask: Mask,
+    slot: u32,
+    // Of `slices`: its own, and its slice's first face.
+    optics: u32,
+    first: u32,
+    // Where its slot begins in the target, columns then rows in the upper half.
+    cell: u32,
+}
+
 struct Batch {
     faces: u32,
     vertices: u32,
@@ -14,7 +24,7 @@ struct Batch {
     rows: u32,
     // Depth times this is within ±½.
     depth_scale: f32,
-    queue: u32,
 }
 
 @group(0) @binding(0) var<uniform> batch: Batch;
+@group(0) @binding(2) var<storage, read> instances: array<Instance>;

@@ -32,8 +32,10 @@ fn threshold(mask: Mask, pixel: vec2u) -> f32 {
     if mask.kind == WHITE {
         return (f32(mixed(pixel.x, pixel.y, mask.slice) >> 8u) + 0.5) / 16777216.0;
     }
-    let rank = ranks[mask.offset + (pixel.y % mask.side) * mask.side + pixel.x % mask.side];
-    return (f32((rank + mask.shift) % mask.cells) + 0.5) / f32(mask.cells);
+    // Powers of two: divisions took a third of a slice's time.
+    let place = pixel & vec2u(mask.side - 1u);
+    let rank = ranks[mask.offset + place.y * mask.side + place.x];
+    return (f32((rank + mask.shift) & (mask.cells - 1u)) + 0.5) / f32(mask.cells);
 }
 
 // What a pixel of this luminance, 0 … 1, holds: 1 or 0, or 0 … 255 of grey.

@@ -1,7 +1,10 @@
 // What the ways of drawing have in common: projected vertices, whole triangles that are left out, and pixels that are.
 
+// What of this a scene on a rig needs. Without a branch, as software devices work, what is not needed would cost as much.
+override TEXTURED = true;
+override FACES = true;
+
 @group(0) @binding(1) var<storage, read> slices: array<Slice>;
-@group(0) @binding(2) var<storage, read> slots: array<Mask>;
 @group(0) @binding(4) var<storage, read> projected: array<Vertex>;
 
 fn projected_corners(instance: u32, triangle: Triangle) -> array<Vertex, 3> {
@@ -25,22 +28,28 @@ fn is_safe(corners: array<Vertex, 3>) -> bool {
 }
 
 // Whether an instance's face shows a pixel of a triangle that is safe or not, and not another face.
-fn is_shown(instance: u32, safe: bool, pixel: vec2u) -> bool {
+fn is_shown(instance: Instance, safe: bool, pixel: vec2u) -> bool {
     let centre = vec2f(pixel) + 0.5;
-    let first = slots[instance / batch.faces].slice * batch.faces;
-    let face = instance % batch.faces;
-    if !safe && !sees(slices[first + face], centre) {
+    if !safe && !sees(slices[instance.optics], centre) {
         return false;
     }
-    if batch.faces == 1u {
+    if !FACES {
         return true;
     }
-    let own = claim(slices[first + face], centre);
-    for (var other = 0u; other < batch.faces; other++) {
-        let rival = claim(slices[first + other], centre);
-        if rival < own || (rival == own && other < face) {
+    let own = claim(slices[instance.optics], centre);
+    for (var other = instance.first; other < instance.first + batch.faces; other++) {
+        let rival = claim(slices[other], centre);
+        if rival < own || (rival == own && other < instance.optics) {
             return false;
         }
     }
     return own < ELSEWHERE;
+}
+
+// Luminance, 0 … 1, at given weights of a triangle's corners.
+fn luminance_at(triangle: Triangle, weights: vec3f) -> f32 {
+    if TEXTURED {
+        return shaded(triangle, weights);
+    }
+    return clamp(dot(weights, triangle.luminance), 0.0, 1.0);
 }

@@ -21,9 +21,9 @@ struct Slice {
     pixel_w: vec3f,
     lit: u32,
     mirror_across: vec3f,
-    cone: u32,
+    unused_a: u32,
     mirror_slope: vec3f,
-    lens: u32,
+    unused_b: u32,
     mirror_w: vec3f,
     fold_squared: f32,
     principal: vec2f,
@@ -37,6 +37,11 @@ struct Vertex {
     depth: f32,
     state: u32,
 }
+
+// Whether there is distortion, whether the cone is followed, and whether a viewer may be behind the mirror.
+override LENS = true;
+override CONE = true;
+override DIM = true;
 
 const UNLIT = 0x10u;
 const NOWHERE = 0x20u;
@@ -170,7 +175,7 @@ fn newton(slice: Slice, place: Place, start: Line) -> Line {
 }
 
 fn follow(slice: Slice, place: Place, start: Line) -> Line {
-    if slice.cone == 0u || !start.sound {
+    if !CONE || !start.sound {
         return start;
     }
     return newton(slice, place, start);
@@ -209,7 +214,7 @@ fn pixel_of(slice: Slice, mirror: vec2f) -> vec3f {
         return vec3f(0.0);
     }
     let pixel = vec2f(dot(slice.pixel_u, panel), dot(slice.pixel_v, panel)) / w;
-    if slice.lens == 0u {
+    if !LENS {
         return vec3f(pixel, 1.0);
     }
     let ideal = (pixel - slice.principal) / slice.focal;
@@ -228,7 +233,7 @@ fn lens_gain(slice: Slice, squared: f32) -> f32 {
 fn undistort(slice: Slice, pixel: vec2f) -> vec2f {
     let seen = (pixel - slice.principal) / slice.focal;
     let goal = length(seen);
-    if slice.lens == 0u || goal == 0.0 {
+    if !LENS || goal == 0.0 {
         return pixel;
     }
     var radius = goal;
@@ -275,6 +280,9 @@ fn sees(slice: Slice, pixel: vec2f) -> bool {
     let mirror = mirror_of(slice, pixel);
     if mirror.z == 0.0 || sides_of(slice, mirror.xy, slice.guard) != 0u {
         return false;
+    }
+    if !DIM {
+        return true;
     }
     let place = place_on_panel(slice, mirror.xy);
     return is_lit(slice, follow(slice, place, planar(slice, place)));

@@ -1,7 +1,6 @@
 // Every vertex in every instance.
 
 @group(0) @binding(1) var<storage, read> slices: array<Slice>;
-@group(0) @binding(2) var<storage, read> slots: array<Mask>;
 @group(0) @binding(3) var<storage, read> positions: array<vec4f>;
 @group(0) @binding(4) var<storage, read_write> projected: array<Vertex>;
 @group(0) @binding(5) var<storage, read_write> refused: atomic<u32>;
@@ -18,7 +17,7 @@ fn vertices(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) g
         return;
     }
     let instance = id.z;
-    let slice = slices[slots[instance / batch.faces].slice * batch.faces + instance % batch.faces];
+    let slice = slices[instances[instance].optics];
     var vertex = vertex_of(slice, positions[index].xyz);
     let distance = max(abs(vertex.pixel.x), abs(vertex.pixel.y));
     if (vertex.state & UNSURE) != 0u || (FIXED_PX <= distance && distance < FAR_PX) {

@@ -72,12 +72,12 @@ pub struct Slice {
     pub lit: u32,
     /// Homogeneous (across, slope) from pixels.
     pub mirror_across: [f32; 3],
-    /// Whether the cone is followed: 1 or 0.
-    pub cone: u32,
+    /// To a multiple of 16 bytes.
+    pub unused_a: u32,
     /// See [`Slice::mirror_across`].
     pub mirror_slope: [f32; 3],
-    /// Whether there is distortion: 1 or 0.
-    pub lens: u32,
+    /// To a multiple of 16 bytes.
+    pub unused_b: u32,
     /// See [`Slice::mirror_across`].
     pub mirror_w: [f32; 3],
     /// The squared radius at which distortion folds the image.
@@ -120,6 +120,22 @@ pub struct Mask {
     pub offset: u32,
     /// Added to each rank.
     pub shift: u32,
+}
+
+/// A face in a slot of a batch.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+pub struct Instance {
+    /// Of its slice.
+    pub mask: Mask,
+    /// The slice's place in the batch.
+    pub slot: u32,
+    /// Index of its [`Slice`].
+    pub optics: u32,
+    /// Index of the [`Slice`] of its slice's first face.
+    pub first: u32,
+    /// Where the slot begins in the target: columns, and rows times 65,536.
+    pub cell: u32,
 }
 
 /// A triangle.
@@ -190,8 +206,6 @@ pub struct Batch {
     pub rows: u32,
     /// Depth times this is within ±½.
     pub depth_scale: f32,
-    /// Entries of the queue.
-    pub queue: u32,
 }
 
 #[cfg(test)]

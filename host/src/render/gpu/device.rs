@@ -1,11 +1,12 @@
 //! A device, its pipelines, and what has gone wrong with it.
 
 use super::GpuError;
+use super::needs::Constants;
 use std::sync::{Arc, Mutex, PoisonError};
 use wgpu::{
     Adapter, Backends, BindGroup, BindGroupEntry, BindGroupLayout, BindingResource, Buffer, BufferDescriptor,
     BufferUsages, ComputePipeline, ComputePipelineDescriptor, Device, DeviceDescriptor, DeviceType, Features, Instance,
-    InstanceDescriptor, Limits, Queue, ShaderModule, ShaderModuleDescriptor, ShaderSource,
+    InstanceDescriptor, Limits, PipelineCompilationOptions, Queue, ShaderModule, ShaderModuleDescriptor, ShaderSource,
 };
 
 /// An open device.
@@ -121,14 +122,14 @@ impl Gpu {
         self.device.create_shader_module(ShaderModuleDescriptor { label: None, source })
     }
 
-    /// The pipeline of `module`'s entry `entry`.
-    pub fn compute(&self, module: &ShaderModule, entry: &str) -> ComputePipeline {
+    /// The pipeline of `module`'s entry `entry` with values for its constants.
+    pub fn compute(&self, module: &ShaderModule, entry: &str, constants: &Constants) -> ComputePipeline {
         self.device.create_compute_pipeline(&ComputePipelineDescriptor {
             label: Some(entry),
             layout: None,
             module,
             entry_point: Some(entry),
-            compilation_options: Default::default(),
+            compilation_options: PipelineCompilationOptions { constants, ..Default::default() },
             cache: None,
         })
     }

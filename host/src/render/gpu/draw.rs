@@ -2,12 +2,13 @@
 
 use super::device::Gpu;
 use super::job::{Batch, Frame};
+use super::needs::Constants;
 use core::ops::Range;
 use shaders::wgsl;
 use wgpu::{
     BindGroup, BindingResource, Color, ColorTargetState, ColorWrites, CommandEncoder, CompareFunction, ComputePipeline,
-    DepthStencilState, Extent3d, FragmentState, LoadOp, MultisampleState, Operations, PrimitiveState,
-    RenderPassColorAttachment, RenderPassDepthStencilAttachment, RenderPassDescriptor, RenderPipeline,
+    DepthStencilState, Extent3d, FragmentState, LoadOp, MultisampleState, Operations, PipelineCompilationOptions,
+    PrimitiveState, RenderPassColorAttachment, RenderPassDepthStencilAttachment, RenderPassDescriptor, RenderPipeline,
     RenderPipelineDescriptor, StoreOp, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView,
     TextureViewDescriptor, TextureViewDimension, VertexState,
 };
@@ -24,16 +25,17 @@ pub(super) struct DrawPipelines {
 
 impl DrawPipelines {
     /// Compiles them.
-    pub fn new(gpu: &Gpu) -> Self {
+    pub fn new(gpu: &Gpu, constants: &Constants) -> Self {
         use wgsl::{BATCH, DRAW, HALFTONE, PACK, PACK_TARGET, PANEL, PROJECT, SHADE};
-        let module = gpu.module(&[BATCH, PROJECT, HALFTONE, SHADE, PANEL, DRAW]);
+        let module = gpu.module(&[HALFTONE, BATCH, PROJECT, SHADE, PANEL, DRAW]);
+        let options = PipelineCompilationOptions { constants, ..Default::default() };
         let draw = gpu.device.create_render_pipeline(&RenderPipelineDescriptor {
             label: Some("draw"),
             layout: None,
             vertex: VertexState {
                 module: &module,
                 entry_point: Some("draw_vertex"),
-                compilation_options: Default::default(),
+                compilation_options: options.clone(),
                 buffers: &[],
             },
             // Surfaces are seen from both sides.
@@ -49,13 +51,13 @@ impl DrawPipelines {
             fragment: Some(FragmentState {
                 module: &module,
                 entry_point: Some("draw_fragment"),
-                compilation_options: Default::default(),
+                compilation_options: options.clone(),
                 targets: &[Some(ColorTargetState { format: COLOUR, blend: None, write_mask: ColorWrites::ALL })],
             }),
             multiview_mask: None,
             cache: None,
         });
-        let pack = gpu.compute(&gpu.module(&[BATCH, PACK, PACK_TARGET]), "pack");
+        let pack = gpu.compute(&gpu.module(&[HALFTONE, BATCH, PACK, PACK_TARGET]), "pack", &[]);
         Self { draw, pack }
     }
 }
@@ -72,6 +74,12 @@ impl Grid {
     /// A layer a slot.
     pub fn layers(slots: u32) -> Self {
         Self { columns: 1, rows: 1, layers: slots }
+    }
+
+    /// Where slot `slot` begins in its layer: columns, and rows times 65,536.
+    pub fn cell(self, slot: u32, [width, height]: [u32; 2]) -> u32 {
+        let cell = slot % (self.columns * self.rows);
+        cell % self.columns * width | (cell / self.columns * height) << 16
     }
 
     /// As many of `slots` slots of `size` pixels in one layer as the device takes.

@@ -3,8 +3,9 @@
 use super::device::Gpu;
 use super::draw::{Draw, Grid};
 use super::model::Model;
-use super::raster::{QUEUE, Raster, key_bytes};
-use super::{GpuError, Pipelines, Way};
+use super::needs::{Needs, Pipelines};
+use super::raster::{Raster, key_bytes, queue_bytes};
+use super::{GpuError, Way};
 use crate::render::turn::{Depth, Turn};
 use crate::render::{Prepared, RenderError, Wanted};
 use shaders::halftone::Halftone;
@@ -27,9 +28,9 @@ const BATCH_PIXELS: u64 = 1 << 26;
 pub(super) struct Frame<'a> {
     pub size: [u32; 2],
     pub projected: &'a Buffer,
-    model: &'a Model,
+    pub model: &'a Model,
     batch: &'a Buffer,
-    slots: &'a Buffer,
+    instances: &'a Buffer,
     planes: &'a Buffer,
 }
 
@@ -37,7 +38,7 @@ impl Frame<'_> {
     /// The scene and what is wanted of it.
     pub fn for_drawing(&self) -> Vec<(u32, BindingResource<'_>)> {
         let mut bindings = self.model.for_drawing();
-        bindings.extend([(0, self.batch.as_entire_binding()), (2, self.slots.as_entire_binding())]);
+        bindings.extend([(0, self.batch.as_entire_binding()), (2, self.instances.as_entire_binding())]);
         bindings
     }
 
@@ -99,9 +100,10 @@ pub(super) struct Job<'a> {
     row_words: u32,
     size: [u32; 2],
     slots: u32,
+    grid: Grid,
     drawing: Drawing<'a>,
     projecting: BindGroup,
-    slot_buffer: Buffer,
+    instances: Buffer,
     planes: Buffer,
     refused: Buffer,
     spare: Vec<Buffer>,
@@ -123,6 +125,7 @@ impl<'a> Job<'a> {
         if way != Way::Compute {
             gpu.within("pixels of a side", u64::from(size[0].max(size[1])), side)?;
         }
+        let needs: Needs = model.needs;
         let plan = Sizes::new(gpu, model, way, size, halftone.is_some())?;
         let Sizes { grid, slots, .. } = plan;
         let values = wgsl::Batch {
@@ -136,27 +139,27 @@ impl<'a> Job<'a> {
             columns: grid.columns,
             rows: grid.rows,
             depth_scale: 0.49 / model.radius_m,
-            queue: QUEUE,
         };
         let storage = |what, bytes, usage| gpu.buffer(what, bytes, BufferUsages::STORAGE | usage);
         let batch = gpu.filled("a batch", &[values], BufferUsages::UNIFORM)?;
-        let slot_bytes = size_of::<Mask>() as u64 * u64::from(slots);
-        let slot_buffer = storage("slots", slot_bytes, BufferUsages::COPY_DST)?;
+        let instance_bytes = size_of::<wgsl::Instance>() as u64 * u64::from(slots * model.faces);
+        let instances = storage("instances", instance_bytes, BufferUsages::COPY_DST)?;
         let projected = storage("projected vertices", plan.vertex_bytes * u64::from(slots), BufferUsages::empty())?;
         let planes = storage("planes", plan.plane_bytes * u64::from(slots), BufferUsages::COPY_SRC)?;
         let refused = storage("a count", 4, BufferUsages::COPY_SRC | BufferUsages::COPY_DST)?;
-        let frame = Frame { size, projected: &projected, model, batch: &batch, slots: &slot_buffer, planes: &planes };
+        let frame = Frame { size, projected: &projected, model, batch: &batch, instances: &instances, planes: &planes };
         let mut bindings = model.for_vertices();
         bindings.extend([
             (0, batch.as_entire_binding()),
-            (2, slot_buffer.as_entire_binding()),
+            (2, instances.as_entire_binding()),
             (4, projected.as_entire_binding()),
             (5, refused.as_entire_binding()),
         ]);
-        let projecting = gpu.bind(&pipelines.vertices().get_bind_group_layout(0), &bindings);
+        let vertices = pipelines.vertices(gpu, needs);
+        let projecting = gpu.bind(&vertices.get_bind_group_layout(0), &bindings);
         let drawing = match way {
-            Way::Compute => Drawing::Compute(Raster::new(gpu, pipelines.raster(gpu), &frame, slots)?),
-            _ => Drawing::Hardware(Draw::new(gpu, pipelines.draw(gpu), &frame, grid)),
+            Way::Compute => Drawing::Compute(Raster::new(gpu, pipelines.raster(gpu, needs), &frame, slots)?),
+            _ => Drawing::Hardware(Draw::new(gpu, pipelines.draw(gpu, needs), &frame, grid)),
         };
         let staging = || {
             gpu.device.create_buffer(&BufferDescriptor {
@@ -170,7 +173,7 @@ impl<'a> Job<'a> {
         gpu.check()?;
         Ok(Self {
             gpu,
-            vertices: pipelines.vertices(),
+            vertices,
             halftone,
             faces: model.faces,
             triangles: model.triangles,
@@ -178,9 +181,10 @@ impl<'a> Job<'a> {
             row_words: values.groups * values.words,
             size,
             slots,
+            grid,
             drawing,
             projecting,
-            slot_buffer,
+            instances,
             planes,
             refused,
             spare,
@@ -205,8 +209,9 @@ impl<'a> Job<'a> {
         let mask = |slice: &u32| {
             self.halftone.and_then(|method| Mask::new(method, *slice, turn)).unwrap_or_else(|| Mask::grey(*slice))
         };
-        let masks: Vec<_> = slices.iter().map(mask).collect();
-        self.gpu.queue.write_buffer(&self.slot_buffer, 0, bytemuck::cast_slice(&masks));
+        let masks = slices.iter().map(mask);
+        let instances: Vec<_> = (0..).zip(masks).flat_map(|(slot, mask)| self.instances_of(slot, mask)).collect();
+        self.gpu.queue.write_buffer(&self.instances, 0, bytemuck::cast_slice(&instances));
         let slots = slices.len() as u32;
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         encoder.clear_buffer(&self.refused, 0, None);
@@ -260,6 +265,13 @@ impl<'a> Job<'a> {
         Ok(())
     }
 
+    /// The faces of a slot.
+    fn instances_of(&self, slot: u32, mask: Mask) -> impl Iterator<Item = wgsl::Instance> {
+        let first = mask.slice * self.faces;
+        let cell = self.grid.cell(slot, self.size);
+        (first..first + self.faces).map(move |optics| wgsl::Instance { mask, slot, optics, first, cell })
+    }
+
     /// Words of a slice on the device.
     fn slice_words(&self) -> usize {
         (self.row_words * self.size[1]) as usize
@@ -311,9 +323,11 @@ impl Sizes {
         gpu.within("bytes of a plane", plane_bytes, largest - 4)?;
         if way == Way::Compute {
             gpu.within("bytes of a slice's keys", key_bytes(size), largest)?;
+            gpu.within("bytes of a slice's queue", queue_bytes(model), largest)?;
         }
-        let each = [vertex_bytes, plane_bytes + 1, if way == Way::Compute { key_bytes(size) } else { 0 }];
-        let fitting = each.into_iter().filter(|bytes| *bytes > 0).map(|bytes| largest / bytes).min().unwrap_or(1);
+        let keys = if way == Way::Compute { [key_bytes(size), queue_bytes(model)] } else { [0; 2] };
+        let each = [vertex_bytes, plane_bytes + 1].into_iter().chain(keys);
+        let fitting = each.filter(|bytes| *bytes > 0).map(|bytes| largest / bytes).min().unwrap_or(1);
         let pixels = BATCH_PIXELS / (width * height).max(1);
         let slots = u64::from(SLOTS).min(fitting).min(pixels).max(1) as u32;
         let grid = match way {

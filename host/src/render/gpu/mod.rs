@@ -4,6 +4,7 @@ mod device;
 mod draw;
 mod job;
 mod model;
+mod needs;
 mod raster;
 
 use super::plan::{DepthTest, Edges, Halftone, Plan, Precision};
@@ -13,18 +14,15 @@ use super::{Prepared, RenderError, Renderer, Wanted, dark_turn};
 use crate::scene::ShadedScene;
 use clap::ValueEnum;
 use device::Gpu;
-use draw::DrawPipelines;
 use job::Job;
 use model::Model;
+use needs::Pipelines;
 use protocol::rig::Rig;
-use raster::RasterPipelines;
 use serde::{Deserialize, Serialize};
 use shaders::project::methods::single_is_enough;
-use shaders::wgsl::{self, Mask};
-use std::sync::OnceLock;
+use shaders::wgsl::Mask;
 use std::time::Instant;
 use thiserror::Error;
-use wgpu::ComputePipeline;
 
 /// Why a GPU does not render.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -82,32 +80,6 @@ impl Way {
     pub const ALL: [Self; 3] = [Self::Slice, Self::Atlas, Self::Compute];
 }
 
-/// Pipelines, compiled when they are first used.
-struct Pipelines {
-    vertices: ComputePipeline,
-    draw: OnceLock<DrawPipelines>,
-    raster: OnceLock<RasterPipelines>,
-}
-
-impl Pipelines {
-    fn new(gpu: &Gpu) -> Self {
-        let module = gpu.module(&[wgsl::BATCH, wgsl::PROJECT, wgsl::HALFTONE, wgsl::VERTICES]);
-        Self { vertices: gpu.compute(&module, "vertices"), draw: OnceLock::new(), raster: OnceLock::new() }
-    }
-
-    fn vertices(&self) -> &ComputePipeline {
-        &self.vertices
-    }
-
-    fn draw(&self, gpu: &Gpu) -> &DrawPipelines {
-        self.draw.get_or_init(|| DrawPipelines::new(gpu))
-    }
-
-    fn raster(&self, gpu: &Gpu) -> &RasterPipelines {
-        self.raster.get_or_init(|| RasterPipelines::new(gpu))
-    }
-}
-
 /// Renders on one adapter.
 pub struct GpuRenderer {
     gpu: Gpu,
@@ -128,9 +100,7 @@ impl GpuRenderer {
     /// [`GpuError::NoAdapter`] and, where the driver fails, [`GpuError::Lost`].
     pub fn open(adapter: Option<&str>, way: Option<Way>) -> Result<Self, GpuError> {
         let gpu = Gpu::open(adapter)?;
-        let pipelines = Pipelines::new(&gpu);
-        gpu.check()?;
-        Ok(Self { gpu, pipelines, way })
+        Ok(Self { gpu, pipelines: Pipelines::new(), way })
     }
 
     /// The adapter's name, driver and interface.

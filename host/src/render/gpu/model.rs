@@ -2,11 +2,12 @@
 
 use super::GpuError;
 use super::device::Gpu;
+use super::needs::Needs;
 use crate::render::mesh::{Mesh, Triangle};
 use crate::scene::{Texture, Wrap, linear_from_srgb, luminance};
 use glam::Vec3;
 use protocol::rig::Rig;
-use shaders::project::methods::{FaceOptics, Method};
+use shaders::project::methods::{FaceOptics, Method, SliceProjector};
 use shaders::wgsl::{self, NONE};
 use std::sync::Arc;
 use wgpu::{BindingResource, Buffer, BufferUsages};
@@ -19,6 +20,8 @@ pub(super) struct Model {
     pub triangles: u32,
     /// Faces of the mirror.
     pub faces: u32,
+    /// What of the shaders it uses.
+    pub needs: Needs,
     /// No depth is larger than this, in metres.
     pub radius_m: f32,
     positions: Buffer,
@@ -45,7 +48,15 @@ impl Model {
         let storage = |what, words: &[u32]| gpu.filled(what, words, BufferUsages::STORAGE);
         let positions: Vec<[f32; 4]> =
             mesh.positions.iter().map(|position| position.as_vec3().extend(0.0).to_array()).collect();
-        let slices: Vec<_> = slices(rig, method);
+        let projectors = projectors(rig, method);
+        let slices: Vec<_> = projectors.iter().map(SliceProjector::shared).collect();
+        let needs = Needs {
+            lens: rig.camera().lens().is_some(),
+            cone: method != Method::Planar,
+            dim: projectors.iter().any(SliceProjector::may_be_unlit),
+            textured: mesh.triangles.iter().any(|triangle| triangle.texture.is_some()),
+            faces: rig.mirror.face.len() > 1,
+        };
         let (triangles, surfaces) = triangles(&mesh.triangles);
         let (pictures, texels) = pictures(textures);
         let tones: Vec<_> = (0..256).map(|value| linear_from_srgb(value as f32 / 255.0)).collect();
@@ -53,6 +64,7 @@ impl Model {
             vertices: mesh.positions.len() as u32,
             triangles: mesh.triangles.len() as u32,
             faces: rig.mirror.face.len() as u32,
+            needs,
             radius_m: mesh.positions.iter().map(|position| position.length() as f32).fold(1e-9, f32::max),
             positions: storage("vertices", bytemuck::cast_slice(&positions))?,
             slices: storage("slices", bytemuck::cast_slice(&slices))?,
@@ -87,12 +99,12 @@ impl Model {
 }
 
 /// Slice by slice, every face.
-fn slices(rig: &Rig, method: Method) -> Vec<wgsl::Slice> {
+fn projectors(rig: &Rig, method: Method) -> Vec<SliceProjector<f32>> {
     // A table would be made and not be used.
     let method = if method == Method::ConeTable { Method::ConeNewton } else { method };
     let faces: Vec<_> = (0..rig.mirror.face.len()).map(|face| FaceOptics::<f32>::new(rig, face, method)).collect();
     (0..rig.rotation.slices)
-        .flat_map(|slice| faces.iter().map(move |face| face.slice(rig.slice_angle(slice)).shared()))
+        .flat_map(|slice| faces.iter().map(move |face| face.slice(rig.slice_angle(slice))))
         .collect()
 }
 

@@ -3,13 +3,13 @@
 use super::GpuError;
 use super::device::Gpu;
 use super::job::{Batch, Frame, dispatch};
+use super::model::Model;
+use super::needs::Constants;
 use shaders::wgsl;
 use wgpu::{BindGroup, Buffer, BufferUsages, CommandEncoder, ComputePipeline};
 
-/// Tiles of large triangles that wait for a workgroup each; what finds no room is filled on the spot.
-pub(super) const QUEUE: u32 = 1 << 18;
-/// Workgroups that fill tiles until none is left.
-const FILLERS: u32 = 1024;
+/// Workgroups that fill large triangles until none is left, and how many share the tiles of one: as in `raster.wgsl`.
+const FILLERS: [u32; 2] = [256, 16];
 
 /// Pipelines of a device.
 pub(super) struct RasterPipelines {
@@ -20,13 +20,13 @@ pub(super) struct RasterPipelines {
 
 impl RasterPipelines {
     /// Compiles them.
-    pub fn new(gpu: &Gpu) -> Self {
+    pub fn new(gpu: &Gpu, constants: &Constants) -> Self {
         use wgsl::{BATCH, HALFTONE, PACK, PACK_KEYS, PANEL, PROJECT, RASTER, SHADE};
-        let module = gpu.module(&[BATCH, PROJECT, HALFTONE, SHADE, PANEL, RASTER]);
+        let module = gpu.module(&[HALFTONE, BATCH, PROJECT, SHADE, PANEL, RASTER]);
         Self {
-            small: gpu.compute(&module, "fill_small"),
-            large: gpu.compute(&module, "fill_large"),
-            pack: gpu.compute(&gpu.module(&[BATCH, PACK, PACK_KEYS]), "pack"),
+            small: gpu.compute(&module, "fill_small", constants),
+            large: gpu.compute(&module, "fill_large", constants),
+            pack: gpu.compute(&gpu.module(&[HALFTONE, BATCH, PACK, PACK_KEYS]), "pack", &[]),
         }
     }
 }
@@ -34,6 +34,11 @@ impl RasterPipelines {
 /// Bytes of the keys of one slot of `size` pixels.
 pub(super) fn key_bytes([width, height]: [u32; 2]) -> u64 {
     128 * u64::from(width.div_ceil(32)) * u64::from(height)
+}
+
+/// Bytes of the queue of one slot of `model`: every triangle of every face may be large.
+pub(super) fn queue_bytes(model: &Model) -> u64 {
+    8 * u64::from(model.triangles) * u64::from(model.faces)
 }
 
 /// What is drawn into, and with what.
@@ -50,7 +55,7 @@ impl<'a> Raster<'a> {
     pub fn new(gpu: &Gpu, pipelines: &'a RasterPipelines, frame: &Frame<'_>, slots: u32) -> Result<Self, GpuError> {
         let keys = gpu.buffer("keys", key_bytes(frame.size) * u64::from(slots), BufferUsages::STORAGE)?;
         let queued = gpu.buffer("a count", 4, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
-        let queue = gpu.buffer("a queue", 16 * u64::from(QUEUE), BufferUsages::STORAGE)?;
+        let queue = gpu.buffer("a queue", queue_bytes(frame.model) * u64::from(slots), BufferUsages::STORAGE)?;
         let bind = |pipeline: &ComputePipeline| {
             let mut bindings = frame.for_drawing();
             bindings.extend([
@@ -81,7 +86,7 @@ impl<'a> Raster<'a> {
         dispatch(&mut pass, batch.triangles, batch.slots * batch.faces);
         pass.set_pipeline(&self.pipelines.large);
         pass.set_bind_group(0, &self.large, &[]);
-        pass.dispatch_workgroups(FILLERS, 1, 1);
+        pass.dispatch_workgroups(FILLERS[0], FILLERS[1], 1);
         drop(pass);
         batch.pack(encoder, &self.pipelines.pack, &self.keys);
     }

@@ -1,9 +1,33 @@
 //! A slice as its WGSL twin reads it.
 
-use super::{Method, SliceProjector};
+use super::{Line, Method, SliceProjector};
 use crate::wgsl::Slice;
 
+/// Points across and along the slope at which the panel is tried.
+const GRID: u8 = 9;
+/// How high above the mirror, over the circle's distance, a viewer must be so that none nearby is behind it.
+const CLEARLY_LIT: f32 = 0.05;
+
 impl SliceProjector<f32> {
+    /// Whether a sight line of the panel or its guard band may lead to a viewer behind the mirror.
+    pub fn may_be_unlit(&self) -> bool {
+        let [low, high] = self.slope_span;
+        let along = |low: f32, high: f32, step: u8| low + (high - low) * f32::from(step) / f32::from(GRID - 1);
+        let edge = self.half_width + self.guard;
+        let mut mirrors = (0..GRID * GRID)
+            .map(|cell| [along(-edge, edge, cell % GRID), along(low - self.guard, high + self.guard, cell / GRID)]);
+        mirrors.any(|mirror| {
+            let place = self.place_on_panel(mirror);
+            let line = self.planar(&place).and_then(|planar| self.follow(&place, planar));
+            let [sin, cos] = self.tilt;
+            let clearly = |line: Line<f32>| {
+                let above = sin * line.viewer[1] + cos * self.circle[1] - self.near * self.offset;
+                self.is_lit(&line) && above > CLEARLY_LIT * self.circle[2]
+            };
+            !line.is_some_and(clearly)
+        })
+    }
+
     /// For `project.wgsl`. Tables are not handed on: the twin takes Newton's steps.
     pub fn shared(&self) -> Slice {
         let lens = self.lens.as_ref();
@@ -31,9 +55,9 @@ impl SliceProjector<f32> {
             pixel_w: self.pixels[2],
             lit: u32::from(self.exact.projector_is_above),
             mirror_across: self.mirrors[0],
-            cone: u32::from(self.method != Method::Planar),
+            unused_a: 0,
             mirror_slope: self.mirrors[1],
-            lens: u32::from(lens.is_some()),
+            unused_b: 0,
             mirror_w: self.mirrors[2],
             fold_squared: lens.map_or(f32::MAX, |lens| lens.fold_squared.min(f32::MAX)),
             principal: lens.map_or([0.0; 2], |lens| lens.principal),
