@@ -3,6 +3,7 @@
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use protocol::rig::{PlaneOrder, Rig};
+use shaders::halftone::diffusion::{Kernel, Slices, diffuse_lanes};
 use shaders::halftone::{Blur, Halftone, Slot, halftone, plane_stride};
 use shaders::pack::pack;
 use shaders::project::methods::{FaceOptics, Method};
@@ -66,6 +67,29 @@ fn halftones(criterion: &mut Criterion) {
     }
 }
 
+/// Lanes of [`diffuse_lanes`].
+const SLICES: usize = 16;
+
+fn diffused_slices(criterion: &mut Criterion) {
+    let luminance: Vec<_> = disc().into_iter().map(|value| (value * 32767.0) as i16).collect();
+    let mut planes = vec![0; SLICES * plane_stride(SIDE) * SIDE as usize];
+    let mut group = criterion.benchmark_group("slices in lanes");
+    group.throughput(Throughput::Elements((SLICES * luminance.len()) as u64)).sample_size(10);
+    group.bench_function("OptimisedDiffusion", |bencher| {
+        bencher.iter(|| {
+            let slices = Slices {
+                seeds: core::array::from_fn(|lane| lane as u32),
+                width: SIDE,
+                luminance: [black_box(luminance.as_slice()); SLICES],
+                shade: |value| f32::from(value) * (1.0 / 32767.0),
+            };
+            let mut planes = planes.chunks_exact_mut(plane_stride(SIDE) * SIDE as usize);
+            let planes = core::array::from_fn(|_| planes.next().unwrap());
+            diffuse_lanes::<SLICES, _, _>(&Kernel::OPTIMISED, slices, planes);
+        });
+    });
+}
+
 fn packing(criterion: &mut Criterion) {
     let planes: Vec<_> =
         (0..24 * plane_stride(SIDE) * SIDE as usize).map(|index| (256.0 * fraction(index)) as u8).collect();
@@ -80,5 +104,5 @@ fn packing(criterion: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, vertices, halftones, packing);
+criterion_group!(benches, vertices, halftones, diffused_slices, packing);
 criterion_main!(benches);

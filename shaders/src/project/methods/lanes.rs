@@ -59,7 +59,7 @@ impl SliceProjector<f32> {
     /// it is 25 and 63.
     #[inline(always)]
     pub fn vertices<const N: usize>(&self, points: [&[f32; N]; 3]) -> Lanes<N> {
-        // So many steps settle all that is on the panel of a physical rig.
+        // So many steps settle every point on the panels of the built-in rigs, and of all tested ones but those with two roots.
         let mut lanes = match self.method {
             Method::Planar => self.trials::<0, N>(points, self.settled),
             Method::ConeNewton | Method::ConeTable => self.trials::<2, N>(points, self.settled),
