@@ -63,23 +63,52 @@ pub fn draw<B: Block, S: Surface>(
     let mut setup = Setup::new();
     for group in 0..scene.figure.groups() {
         setup.prepare::<B>(scene.figure, vertices, &scene.grid, view.front, group);
-        let mut drawn = setup.drawn;
-        while drawn != 0 {
-            let lane = drawn.trailing_zeros() as usize;
-            drawn &= drawn - 1;
-            let is_cut = view.is_shared || setup.rim >> lane & 1 != 0;
-            let mut painter = Painter { scene, view, panel, surface, touched, is_cut };
+        let cut = if view.is_shared { u32::MAX } else { setup.rim };
+        let simple = setup.drawn & setup.small & scene.figure.flat[group] & !cut;
+        for lane in lanes(simple) {
+            simple_triangle::<B, S>(&setup, lane, scene.figure.luminances[group][lane], surface);
+        }
+        let others = setup.drawn & !simple;
+        if others | setup.wide == 0 {
+            continue;
+        }
+        let mut painter = Painter { scene, view, panel, surface, touched, is_cut: false };
+        for lane in lanes(others) {
+            painter.is_cut = cut >> lane & 1 != 0;
             painter.triangle::<B>(&setup, lane, group * LANES + lane);
         }
-        let mut wide = setup.wide;
-        while wide != 0 {
-            let lane = wide.trailing_zeros() as usize;
-            wide &= wide - 1;
-            let is_cut = view.is_shared || setup.rim >> lane & 1 != 0;
-            let mut painter = Painter { scene, view, panel, surface, touched, is_cut };
+        for lane in lanes(setup.wide) {
+            painter.is_cut = cut >> lane & 1 != 0;
             painter.wide::<B>(group * LANES + lane);
         }
     }
+    let [first, last] = setup.touched();
+    touched.add(first, [last[0] + COLUMNS as i32, last[1] + ROWS as i32]);
+}
+
+/// The places of the bits that are set.
+#[inline(always)]
+fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
+    core::iter::from_fn(move || {
+        let lane = bits.trailing_zeros() as usize;
+        let is_one = bits != 0;
+        bits &= bits.wrapping_sub(1);
+        is_one.then_some(lane)
+    })
+}
+
+/// Lays one luminance on a triangle that one block holds.
+#[inline(always)]
+fn simple_triangle<B: Block, S: Surface>(setup: &Setup, lane: usize, luminance: i16, surface: &mut S) {
+    let edges = Edge::of(setup, lane);
+    let outside = outside::<B>(&edges, [edges[0].value, edges[1].value, edges[2].value]);
+    let [value, across, down] = [
+        B::splat(setup.rounded_depth[0][lane] as i16),
+        B::splat(setup.rounded_depth[1][lane] as i16),
+        B::splat(setup.rounded_depth[2][lane] as i16),
+    ];
+    let depth = value.add(across.mul(B::columns())).add(down.mul(B::rows()));
+    surface.put([setup.first[0][lane], setup.first[1][lane]], outside, depth, B::splat(luminance));
 }
 
 /// A number that grows evenly over the image.
@@ -164,10 +193,10 @@ impl<S: Surface> Painter<'_, '_, S> {
     fn triangle<B: Block>(&mut self, setup: &Setup, lane: usize, index: usize) {
         let first = [setup.first[0][lane], setup.first[1][lane]];
         let last = [setup.last[0][lane], setup.last[1][lane]];
-        let depth = Slope { value: setup.depth[lane], across: setup.depth_across[lane], down: setup.depth_down[lane] };
+        let [value, across, down] = [setup.depth[0][lane], setup.depth[1][lane], setup.depth[2][lane]];
+        let depth = Slope { value, across, down };
         let ink = self.scene.figure.inks[index];
         let blocks = Blocks::new(first, last);
-        self.touched.add(first, blocks.end());
         if let Ink::Flat(luminance) = ink {
             return self.blocks::<B>(setup, lane, &blocks, &depth, &Paint::Flat(luminance));
         }
@@ -188,21 +217,14 @@ impl<S: Surface> Painter<'_, '_, S> {
 
     #[inline(always)]
     fn blocks<B: Block>(&mut self, setup: &Setup, lane: usize, blocks: &Blocks, depth: &Slope, paint: &Paint<'_>) {
-        let edge = |edge: usize| Edge {
-            value: setup.edges[edge][lane],
-            across: setup.across[edge][lane],
-            down: setup.down[edge][lane],
-        };
-        let edges = [edge(0), edge(1), edge(2)];
+        let edges = Edge::of(setup, lane);
         for row in 0..blocks.rows {
             for column in 0..blocks.columns {
                 let offset = [column * COLUMNS as i32, row * ROWS as i32];
                 let values = [edges[0].at(offset), edges[1].at(offset), edges[2].at(offset)];
-                let reaches = |edge: usize| edges[edge].reaches(values[edge]);
-                if blocks.is_one() || (reaches(0) && reaches(1) && reaches(2)) {
-                    let edge = |edge: usize| edges[edge].block::<B>(values[edge]);
-                    // Below 0 where one of them is.
-                    let outside = B::splat(0).above(edge(0).or(edge(1)).or(edge(2)));
+                let reaches = edges[0].reaches(values[0]) & edges[1].reaches(values[1]) & edges[2].reaches(values[2]);
+                if blocks.is_one() || reaches {
+                    let outside = outside::<B>(&edges, values);
                     self.lay(blocks.at(offset), offset, outside, depth, paint);
                 }
             }
@@ -340,7 +362,28 @@ struct Edge {
     down: i32,
 }
 
+/// -1 for the pixels of a block that are outside of one of `edges`, which have `values` at its centre.
+///
+/// No closures here, nor where blocks are put together: the compiler does not inline them everywhere, and calls by block are slow.
+#[inline(always)]
+fn outside<B: Block>(edges: &[Edge; 3], values: [i32; 3]) -> B {
+    let first: B = edges[0].block(values[0]);
+    let negative = first.or(edges[1].block(values[1])).or(edges[2].block(values[2]));
+    B::splat(0).above(negative)
+}
+
 impl Edge {
+    /// Those of a triangle.
+    #[inline(always)]
+    fn of(setup: &Setup, lane: usize) -> [Self; 3] {
+        let (values, across, down) = (&setup.edges, &setup.across, &setup.down);
+        [
+            Self { value: values[0][lane], across: across[0][lane], down: down[0][lane] },
+            Self { value: values[1][lane], across: across[1][lane], down: down[1][lane] },
+            Self { value: values[2][lane], across: across[2][lane], down: down[2][lane] },
+        ]
+    }
+
     #[inline(always)]
     fn at(&self, [columns, rows]: [i32; 2]) -> i32 {
         self.value + self.across * columns + self.down * rows
