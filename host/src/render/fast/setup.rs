@@ -1,6 +1,7 @@
 //! Triangles of a slice: which of them may show, and what is to be known to fill them.
 
 use super::block::{Block, CENTRE, COLUMNS, ROWS};
+use super::cover::Slope;
 use super::figure::{Figure, LANES};
 use super::grid::{Grid, rounded};
 use super::vertices::{LOST, OFF, SIDES, Vertices, WIDE};
@@ -84,6 +85,12 @@ impl Setup {
         let lowest = |lanes: &Lane| lanes.iter().copied().fold(i32::MAX, i32::min);
         let highest = |lanes: &Lane| lanes.iter().copied().fold(-1, i32::max);
         [[lowest(&first[0]), lowest(&first[1])], [highest(&last[0]), highest(&last[1])]]
+    }
+
+    /// Depth over a triangle that is drawn.
+    #[inline(always)]
+    pub fn depth_of(&self, lane: usize) -> Slope {
+        Slope { value: self.depth[0][lane], across: self.depth[1][lane], down: self.depth[2][lane] }
     }
 
     /// Collects the corners; the states that all of them have, and those that any has.
@@ -198,10 +205,11 @@ impl Setup {
             let [x, y] = [x[lane] - self.x[0][lane], y[lane] - self.y[0][lane]];
             self.z[0][lane] as f32 + across[lane] * x as f32 + down[lane] * y as f32
         });
-        self.depth = [depth, each(|lane| across[lane] * steps), each(|lane| down[lane] * steps)];
-        for (whole, value) in self.rounded_depth.iter_mut().zip(&self.depth) {
-            *whole = each(|lane| rounded(value[lane]));
-        }
+        let (across, down) = (each(|lane| across[lane] * steps), each(|lane| down[lane] * steps));
+        // One by one: of a loop over the three the compiler makes gathers.
+        self.rounded_depth =
+            [each(|lane| rounded(depth[lane])), each(|lane| rounded(across[lane])), each(|lane| rounded(down[lane]))];
+        self.depth = [depth, across, down];
     }
 
     /// The centres of the first blocks, in steps.
