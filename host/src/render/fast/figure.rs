@@ -52,6 +52,10 @@ pub struct Figure {
     pub inks: Vec<Ink>,
     /// Bit by bit, which triangles of each group of [`LANES`] belong to solids, of which only the front is seen.
     pub solid: Vec<u32>,
+    /// The same, which triangles have a flat ink.
+    pub flat: Vec<u32>,
+    /// Luminances of flat inks.
+    pub luminances: Vec<[i16; LANES]>,
     /// The distance of the farthest vertex from the origin in metres: no depth is beyond it.
     pub radius_m: f32,
 }
@@ -67,13 +71,18 @@ impl Figure {
         let vertices = mesh.positions.len() as u32;
         assert!(mesh.triangles.iter().all(|triangle| triangle.corners.iter().all(|corner| *corner < vertices)));
         let solid = solids(&mesh);
+        let inks: Vec<_> = mesh.triangles.iter().map(Ink::new).collect();
+        let flat: Vec<_> = inks.iter().map(|ink| matches!(ink, Ink::Flat(_))).collect();
+        let luminance = |ink: &Ink| if let Ink::Flat(luminance) = ink { *luminance } else { 0 };
         let bits = |group: &[bool]| (0..).zip(group).map(|(lane, solid)| u32::from(*solid) << lane).sum();
         let radius_m = mesh.positions.iter().map(|position| position.length()).fold(0.0, f64::max) as f32;
         Self {
             positions: [0, 1, 2].map(axis),
             corners: [0, 1, 2].map(corner),
-            inks: mesh.triangles.iter().map(Ink::new).collect(),
             solid: solid.chunks(LANES).map(bits).collect(),
+            flat: flat.chunks(LANES).map(bits).collect(),
+            luminances: lanes(inks.iter().map(luminance)),
+            inks,
             // Where there is nothing, or nothing but the origin, any scale of depths will do.
             radius_m: if radius_m > 0.0 { radius_m } else { 1.0 },
             mesh,

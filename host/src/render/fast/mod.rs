@@ -1,6 +1,7 @@
 //! The fast renderer on the CPU: blocks of 8 × 4 pixels in 16-bit fixed point, a task a frame.
 
 mod block;
+mod cover;
 mod figure;
 mod front;
 mod grid;

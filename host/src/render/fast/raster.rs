@@ -1,10 +1,11 @@
 //! Triangles to pixels, block by block.
 
-use super::block::{Block, CENTRE, COLUMNS, ROWS};
+use super::block::{Block, COLUMNS, ROWS};
+use super::cover::{Blocks, Corners, Covered, Slope, outside_of_first};
 use super::figure::{Figure, Ink, LANES, level};
 use super::grid::Grid;
 use super::panel::Panel;
-use super::setup::{Setup, wrapped};
+use super::setup::Setup;
 use super::surface::Surface;
 use super::vertices::Vertices;
 use crate::render::canvas::shade;
@@ -63,84 +64,68 @@ pub fn draw<B: Block, S: Surface>(
     let mut setup = Setup::new();
     for group in 0..scene.figure.groups() {
         setup.prepare::<B>(scene.figure, vertices, &scene.grid, view.front, group);
-        let mut drawn = setup.drawn;
-        while drawn != 0 {
-            let lane = drawn.trailing_zeros() as usize;
-            drawn &= drawn - 1;
-            let is_cut = view.is_shared || setup.rim >> lane & 1 != 0;
-            let mut painter = Painter { scene, view, panel, surface, touched, is_cut };
+        let cut = if view.is_shared { u32::MAX } else { setup.rim };
+        let plain = setup.drawn & scene.figure.flat[group] & !cut;
+        for lane in lanes(plain & setup.small) {
+            small_triangle::<B, S>(&setup, lane, scene.figure.luminances[group][lane], surface);
+        }
+        for lane in lanes(plain & !setup.small) {
+            plain_triangle::<B, S>(&setup, lane, scene.figure.luminances[group][lane], surface);
+        }
+        let others = setup.drawn & !plain;
+        if others | setup.wide == 0 {
+            continue;
+        }
+        let mut painter = Painter { scene, view, panel, surface, touched, is_cut: false };
+        for lane in lanes(others) {
+            painter.is_cut = cut >> lane & 1 != 0;
             painter.triangle::<B>(&setup, lane, group * LANES + lane);
         }
-        let mut wide = setup.wide;
-        while wide != 0 {
-            let lane = wide.trailing_zeros() as usize;
-            wide &= wide - 1;
-            let is_cut = view.is_shared || setup.rim >> lane & 1 != 0;
-            let mut painter = Painter { scene, view, panel, surface, touched, is_cut };
+        for lane in lanes(setup.wide) {
+            painter.is_cut = cut >> lane & 1 != 0;
             painter.wide::<B>(group * LANES + lane);
         }
     }
+    let [first, last] = setup.touched();
+    touched.add(first, [last[0] + COLUMNS as i32, last[1] + ROWS as i32]);
 }
 
-/// A number that grows evenly over the image.
-#[derive(Clone, Copy)]
-struct Slope {
-    /// At the centre of the first block.
-    value: f32,
-    across: f32,
-    down: f32,
+/// The places of the bits that are set.
+#[inline(always)]
+fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
+    core::iter::from_fn(move || {
+        let lane = bits.trailing_zeros() as usize;
+        let is_one = bits != 0;
+        bits &= bits.wrapping_sub(1);
+        is_one.then_some(lane)
+    })
 }
 
-impl Slope {
-    /// By its values at the corners of a triangle.
-    fn new(triangle: &Corners, values: [f32; 3], at: [i32; 2], grid: &Grid) -> Self {
-        let steps = f64::from(grid.steps());
-        let arm = |corner: usize| {
-            let [x, y] = [0, 1].map(|axis| (triangle.0[corner][axis] - triangle.0[0][axis]) as f64 / steps);
-            [x, y, f64::from(values[corner] - values[0])]
-        };
-        let ([bx, by, bz], [cx, cy, cz]) = (arm(1), arm(2));
-        let area = bx * cy - by * cx;
-        let (across, down) = ((bz * cy - cz * by) / area, (cz * bx - bz * cx) / area);
-        let [x, y] = [0, 1].map(|axis| {
-            let centre = f64::from(at[axis] + CENTRE[axis] - grid.origin[axis]) + 0.5;
-            centre - triangle.0[0][axis] as f64 / steps
-        });
-        Self { value: (f64::from(values[0]) + across * x + down * y) as f32, across: across as f32, down: down as f32 }
-    }
-
-    /// Over the block that lies `columns` and `rows` from the first.
-    #[inline(always)]
-    fn block<B: Block>(&self, [columns, rows]: [i32; 2]) -> B {
-        let value = self.value + self.across * columns as f32 + self.down * rows as f32;
-        let across = B::splat(wrapped(self.across)).mul(B::columns());
-        let down = B::splat(wrapped(self.down)).mul(B::rows());
-        B::splat(wrapped(value)).add(across).add(down)
-    }
+/// Lays one luminance on a triangle that one block holds.
+#[inline(always)]
+fn small_triangle<B: Block, S: Surface>(setup: &Setup, lane: usize, luminance: i16, surface: &mut S) {
+    let outside = outside_of_first::<B>(setup, lane);
+    let value = B::splat(setup.rounded_depth[0][lane] as i16);
+    let across = B::splat(setup.rounded_depth[1][lane] as i16).mul(B::columns());
+    let down = B::splat(setup.rounded_depth[2][lane] as i16).mul(B::rows());
+    surface.put(
+        [setup.first[0][lane], setup.first[1][lane]],
+        outside,
+        value.add(across).add(down),
+        B::splat(luminance),
+    );
 }
 
-/// A triangle's corners: x and y in steps.
-struct Corners([[i64; 2]; 3]);
-
-impl Corners {
-    /// Twice the area on the right of the way between two corners, seen from `pixel`'s centre.
-    fn edge(&self, from: usize, to: usize, [x, y]: [i64; 2]) -> i64 {
-        let ([from_x, from_y], [to_x, to_y]) = (self.0[from], self.0[to]);
-        (to_x - from_x) * (y - from_y) - (to_y - from_y) * (x - from_x)
+/// Lays one luminance on a triangle.
+#[inline(always)]
+fn plain_triangle<B: Block, S: Surface>(setup: &Setup, lane: usize, luminance: i16, surface: &mut S) {
+    let blocks = Blocks::of(setup, lane);
+    let depth = setup.depth_of(lane);
+    let offsets: B = depth.offsets();
+    let mut covered = Covered::<B>::new(setup, lane, &blocks);
+    while let Some((offset, outside)) = covered.next() {
+        surface.put(blocks.at(offset), outside, depth.block(offset, offsets), B::splat(luminance));
     }
-
-    /// The weights of the corners at the centre of `pixel`.
-    fn weights(&self, pixel: [i32; 2], grid: &Grid) -> [f32; 3] {
-        let at = centre(pixel, grid);
-        let area = self.edge(0, 1, self.0[2]);
-        [(1, 2), (2, 0), (0, 1)].map(|(from, to)| self.edge(from, to, at) as f32 / area as f32)
-    }
-}
-
-/// A pixel's centre in steps.
-fn centre(pixel: [i32; 2], grid: &Grid) -> [i64; 2] {
-    [0, 1]
-        .map(|axis| i64::from(pixel[axis] - grid.origin[axis]) * i64::from(grid.steps()) + i64::from(grid.steps() / 2))
 }
 
 /// How the pixels of one triangle get their luminance.
@@ -162,20 +147,17 @@ struct Painter<'a, 'b, S> {
 impl<S: Surface> Painter<'_, '_, S> {
     #[inline(always)]
     fn triangle<B: Block>(&mut self, setup: &Setup, lane: usize, index: usize) {
-        let first = [setup.first[0][lane], setup.first[1][lane]];
-        let last = [setup.last[0][lane], setup.last[1][lane]];
-        let depth = Slope { value: setup.depth[lane], across: setup.depth_across[lane], down: setup.depth_down[lane] };
         let ink = self.scene.figure.inks[index];
-        let blocks = Blocks::new(first, last);
-        self.touched.add(first, blocks.end());
-        if let Ink::Flat(luminance) = ink {
-            return self.blocks::<B>(setup, lane, &blocks, &depth, &Paint::Flat(luminance));
-        }
+        let blocks = Blocks::of(setup, lane);
         let turned = setup.turned[lane] != 0;
         let order = if turned { [0, 2, 1] } else { [0, 1, 2] };
         let corners = Corners(order.map(|corner| [setup.x[corner][lane].into(), setup.y[corner][lane].into()]));
-        let paint = self.paint(&corners, ink, first, index);
-        self.blocks::<B>(setup, lane, &blocks, &depth, &paint);
+        let paint = self.paint(&corners, ink, blocks.first, index);
+        let depth = setup.depth_of(lane);
+        let mut covered = Covered::<B>::new(setup, lane, &blocks);
+        while let Some((offset, outside)) = covered.next() {
+            self.lay(blocks.at(offset), offset, outside, &depth, &paint);
+        }
     }
 
     fn paint<'c>(&self, corners: &'c Corners, ink: Ink, first: [i32; 2], index: usize) -> Paint<'c> {
@@ -187,38 +169,15 @@ impl<S: Surface> Painter<'_, '_, S> {
     }
 
     #[inline(always)]
-    fn blocks<B: Block>(&mut self, setup: &Setup, lane: usize, blocks: &Blocks, depth: &Slope, paint: &Paint<'_>) {
-        let edge = |edge: usize| Edge {
-            value: setup.edges[edge][lane],
-            across: setup.across[edge][lane],
-            down: setup.down[edge][lane],
-        };
-        let edges = [edge(0), edge(1), edge(2)];
-        for row in 0..blocks.rows {
-            for column in 0..blocks.columns {
-                let offset = [column * COLUMNS as i32, row * ROWS as i32];
-                let values = [edges[0].at(offset), edges[1].at(offset), edges[2].at(offset)];
-                let reaches = |edge: usize| edges[edge].reaches(values[edge]);
-                if blocks.is_one() || (reaches(0) && reaches(1) && reaches(2)) {
-                    let edge = |edge: usize| edges[edge].block::<B>(values[edge]);
-                    // Below 0 where one of them is.
-                    let outside = B::splat(0).above(edge(0).or(edge(1)).or(edge(2)));
-                    self.lay(blocks.at(offset), offset, outside, depth, paint);
-                }
-            }
-        }
-    }
-
-    #[inline(always)]
     fn lay<B: Block>(&mut self, place: [i32; 2], offset: [i32; 2], mut outside: B, depth: &Slope, paint: &Paint<'_>) {
         if self.is_cut {
             let shown = self.panel.block(place, self.view.shows);
             outside = outside.or(B::from_bits(!shown));
         }
-        let depth: B = depth.block(offset);
+        let depth = depth.block(offset, depth.offsets::<B>());
         let luminance = match paint {
             Paint::Flat(luminance) => B::splat(*luminance),
-            Paint::Smooth(slope) => slope.block(offset),
+            Paint::Smooth(slope) => slope.block(offset, slope.offsets::<B>()),
             Paint::Shaded(corners, index) => {
                 let open = self.surface.open(place, outside, depth);
                 B::from_array(&self.shade(place, open, corners, *index))
@@ -278,88 +237,5 @@ impl<S: Surface> Painter<'_, '_, S> {
                 }
             }
         }
-    }
-}
-
-impl Corners {
-    /// Bit by bit, which pixels of the block at `place` a triangle of positive area covers.
-    fn covered(&self, place: [i32; 2], grid: &Grid) -> u32 {
-        let start = centre(place, grid);
-        let steps = i64::from(grid.steps());
-        let mut covered = u32::MAX;
-        for (from, to) in [(1, 2), (2, 0), (0, 1)] {
-            let [across, down] = [0, 1].map(|axis| self.0[to][axis] - self.0[from][axis]);
-            let owns_border = down < 0 || (down == 0 && across > 0);
-            let value = self.edge(from, to, start) - i64::from(!owns_border);
-            let mut inside = 0;
-            for pixel in 0..ROWS * COLUMNS {
-                let [x, y] = [pixel % COLUMNS, pixel / COLUMNS].map(|offset| offset as i64 * steps);
-                inside |= u32::from(value - down * x + across * y >= 0) << pixel;
-            }
-            covered &= inside;
-        }
-        covered
-    }
-}
-
-/// The blocks that a triangle lies in.
-struct Blocks {
-    first: [i32; 2],
-    columns: i32,
-    rows: i32,
-}
-
-impl Blocks {
-    #[inline(always)]
-    fn new(first: [i32; 2], last: [i32; 2]) -> Self {
-        Self { first, columns: (last[0] - first[0]) / COLUMNS as i32 + 1, rows: (last[1] - first[1]) / ROWS as i32 + 1 }
-    }
-
-    #[inline(always)]
-    fn is_one(&self) -> bool {
-        self.columns == 1 && self.rows == 1
-    }
-
-    #[inline(always)]
-    fn at(&self, offset: [i32; 2]) -> [i32; 2] {
-        [self.first[0] + offset[0], self.first[1] + offset[1]]
-    }
-
-    #[inline(always)]
-    fn end(&self) -> [i32; 2] {
-        self.at([self.columns * COLUMNS as i32, self.rows * ROWS as i32])
-    }
-}
-
-/// An edge function in whole numbers.
-#[derive(Clone, Copy)]
-struct Edge {
-    /// At the centre of the first block.
-    value: i32,
-    across: i32,
-    down: i32,
-}
-
-impl Edge {
-    #[inline(always)]
-    fn at(&self, [columns, rows]: [i32; 2]) -> i32 {
-        self.value + self.across * columns + self.down * rows
-    }
-
-    /// Whether some pixel of the block at whose centre it is `value` is inside.
-    #[inline(always)]
-    fn reaches(&self, value: i32) -> bool {
-        let across = (self.across * -CENTRE[0]).max(self.across * (CENTRE[0] - 1));
-        let down = (self.down * -CENTRE[1]).max(self.down * (CENTRE[1] - 1));
-        value + across + down >= 0
-    }
-
-    /// Over the block at whose centre it is `value`.
-    #[inline(always)]
-    fn block<B: Block>(&self, value: i32) -> B {
-        let value = value.clamp(i16::MIN.into(), i16::MAX.into()) as i16;
-        let across = B::splat(self.across as i16).mul(B::columns());
-        let down = B::splat(self.down as i16).mul(B::rows());
-        B::splat(value).add_saturating(across).add_saturating(down)
     }
 }

@@ -1,6 +1,7 @@
 //! Triangles of a slice: which of them may show, and what is to be known to fill them.
 
-use super::block::{Block, CENTRE, COLUMNS};
+use super::block::{Block, CENTRE, COLUMNS, ROWS};
+use super::cover::Slope;
 use super::figure::{Figure, LANES};
 use super::grid::{Grid, rounded};
 use super::vertices::{LOST, OFF, SIDES, Vertices, WIDE};
@@ -20,6 +21,8 @@ pub struct Setup {
     pub wide: u32,
     /// Those of `drawn` that may reach beyond the panel.
     pub rim: u32,
+    /// Those of `drawn` that lie in one block.
+    pub small: u32,
     /// x and y of the corners in steps, and their depths.
     pub x: [Lane; 3],
     pub y: [Lane; 3],
@@ -34,10 +37,12 @@ pub struct Setup {
     /// By what edge functions grow from column to column, and from row to row.
     pub across: [Lane; 3],
     pub down: [Lane; 3],
-    /// Depth at the centre of the first block, and by what it grows.
-    pub depth: Lane<f32>,
-    pub depth_across: Lane<f32>,
-    pub depth_down: Lane<f32>,
+    /// Depth at the centre of the first block, and by what it grows from column to column and from row to row.
+    pub depth: [Lane<f32>; 3],
+    /// The same in whole numbers.
+    pub rounded_depth: [Lane; 3],
+    /// The first and last columns and rows of all that was in `drawn`, lane by lane.
+    touched: [[Lane; 2]; 2],
 }
 
 impl Setup {
@@ -47,6 +52,7 @@ impl Setup {
             drawn: 0,
             wide: 0,
             rim: 0,
+            small: 0,
             x: [[0; LANES]; 3],
             y: [[0; LANES]; 3],
             z: [[0; LANES]; 3],
@@ -56,9 +62,9 @@ impl Setup {
             edges: [[0; LANES]; 3],
             across: [[0; LANES]; 3],
             down: [[0; LANES]; 3],
-            depth: [0.0; LANES],
-            depth_across: [0.0; LANES],
-            depth_down: [0.0; LANES],
+            depth: [[0.0; LANES]; 3],
+            rounded_depth: [[0; LANES]; 3],
+            touched: [[[i32::MAX; LANES]; 2], [[0; LANES]; 2]],
         }
     }
 
@@ -71,6 +77,20 @@ impl Setup {
             self.find_edges(grid);
             self.find_depth(grid);
         }
+    }
+
+    /// The first and last columns and rows of all that was drawn; the first beyond the last where nothing was.
+    pub fn touched(&self) -> [[i32; 2]; 2] {
+        let [first, last] = &self.touched;
+        let lowest = |lanes: &Lane| lanes.iter().copied().fold(i32::MAX, i32::min);
+        let highest = |lanes: &Lane| lanes.iter().copied().fold(-1, i32::max);
+        [[lowest(&first[0]), lowest(&first[1])], [highest(&last[0]), highest(&last[1])]]
+    }
+
+    /// Depth over a triangle that is drawn.
+    #[inline(always)]
+    pub fn depth_of(&self, lane: usize) -> Slope {
+        Slope { value: self.depth[0][lane], across: self.depth[1][lane], down: self.depth[2][lane] }
     }
 
     /// Collects the corners; the states that all of them have, and those that any has.
@@ -125,6 +145,8 @@ impl Setup {
         let misses = each(|lane| (last_x[lane] - first_x[lane]) | (last_y[lane] - first_y[lane]) | !has_area[lane]);
         let faces = each(|lane| area[lane] ^ front);
         let rim = each(|lane| -(any[lane] & OFF));
+        let small =
+            each(|lane| (last_x[lane] - first_x[lane] - COLUMNS as i32) & (last_y[lane] - first_y[lane] - ROWS as i32));
         // Where the sign of fronts is not known, all are drawn.
         let backs = if front == 0 { 0 } else { B::negative_lanes(&faces) & solid };
         let open = !B::negative_lanes(&shut);
@@ -132,6 +154,13 @@ impl Setup {
         self.drawn = open & !large & !B::negative_lanes(&misses) & !backs & ((1 << LANES) - 1);
         self.wide = open & large;
         self.rim = B::negative_lanes(&rim);
+        self.small = B::negative_lanes(&small);
+        let missed = each(|lane| misses[lane] >> 31);
+        for (axis, (first, last)) in [(&first_x, &last_x), (&first_y, &last_y)].into_iter().enumerate() {
+            let [touched_first, touched_last] = [self.touched[0][axis], self.touched[1][axis]];
+            self.touched[0][axis] = each(|lane| touched_first[lane].min(first[lane] | missed[lane] & i32::MAX));
+            self.touched[1][axis] = each(|lane| touched_last[lane].max(last[lane] & !missed[lane]));
+        }
         turn(&mut self.x, &turned);
         turn(&mut self.y, &turned);
         turn(&mut self.z, &turned);
@@ -172,12 +201,15 @@ impl Setup {
         let across = each(|lane| (bz[lane] * cy[lane] - cz[lane] * by[lane]) * per_area[lane]);
         let down = each(|lane| (cz[lane] * bx[lane] - bz[lane] * cx[lane]) * per_area[lane]);
         let [x, y] = [self.centres(grid, 0), self.centres(grid, 1)];
-        self.depth = each(|lane| {
+        let depth = each(|lane| {
             let [x, y] = [x[lane] - self.x[0][lane], y[lane] - self.y[0][lane]];
             self.z[0][lane] as f32 + across[lane] * x as f32 + down[lane] * y as f32
         });
-        self.depth_across = each(|lane| across[lane] * steps);
-        self.depth_down = each(|lane| down[lane] * steps);
+        let (across, down) = (each(|lane| across[lane] * steps), each(|lane| down[lane] * steps));
+        // One by one: of a loop over the three the compiler makes gathers.
+        self.rounded_depth =
+            [each(|lane| rounded(depth[lane])), each(|lane| rounded(across[lane])), each(|lane| rounded(down[lane]))];
+        self.depth = [depth, across, down];
     }
 
     /// The centres of the first blocks, in steps.

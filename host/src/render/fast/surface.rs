@@ -83,8 +83,12 @@ impl Bits {
             let mut whole = bytes.chunks_mut(PIXELS / 8);
             for cells in cells.chunks_exact_mut(PIXELS) {
                 let dark = B::load(cells, 0, COLUMNS as u32).mul(B::splat(i16::MIN)).negative();
-                if let Some(bytes) = whole.next() {
-                    bytes.copy_from_slice(&(!dark).to_le_bytes()[..bytes.len()]);
+                let lit = (!dark).to_le_bytes();
+                match whole.next() {
+                    // Most often, and then one store.
+                    Some([a, b, c, d]) => [*a, *b, *c, *d] = lit,
+                    Some(bytes) => bytes.copy_from_slice(&lit[..bytes.len()]),
+                    None => {}
                 }
                 B::splat(EMPTY).store(cells, 0, COLUMNS as u32);
             }
