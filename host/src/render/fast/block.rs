@@ -3,6 +3,8 @@
 #[cfg(target_arch = "x86_64")]
 pub mod x86;
 
+use super::figure::LANES;
+
 /// Columns of a block.
 pub const COLUMNS: usize = 8;
 /// Rows of a block.
@@ -54,6 +56,15 @@ pub trait Block: Copy {
     fn max(self, other: Self) -> Self;
     /// -1 where this is larger.
     fn above(self, other: Self) -> Self;
+
+    /// Sets the bits of the lanes with negative numbers.
+    fn negative_lanes(lanes: &[i32; LANES]) -> u32;
+    /// The numbers of `table` at `indices`.
+    ///
+    /// # Safety
+    /// All of them must be below the table's length.
+    #[allow(unsafe_code)]
+    unsafe fn gather(table: &[u64], indices: &[u32; LANES]) -> [u64; LANES];
 
     /// Columns from the centre.
     #[inline(always)]
@@ -162,6 +173,26 @@ impl Block for Portable {
             bits |= u32::from(parts.iter().sum::<u16>()) << (row * COLUMNS);
         }
         bits
+    }
+
+    #[inline(always)]
+    fn negative_lanes(lanes: &[i32; LANES]) -> u32 {
+        let mut parts = [0; LANES];
+        for (lane, part) in parts.iter_mut().enumerate() {
+            *part = (lanes[lane] as u32 >> 31) << lane;
+        }
+        parts.iter().sum()
+    }
+
+    #[inline(always)]
+    #[allow(unsafe_code)]
+    unsafe fn gather(table: &[u64], indices: &[u32; LANES]) -> [u64; LANES] {
+        let mut values = [0; LANES];
+        for (value, index) in values.iter_mut().zip(indices) {
+            // SAFETY: the caller's.
+            *value = unsafe { *table.get_unchecked(*index as usize) };
+        }
+        values
     }
 
     #[inline(always)]

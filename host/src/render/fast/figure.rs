@@ -46,8 +46,8 @@ pub struct Figure {
     pub mesh: Mesh,
     /// x, y and z of the vertices in world metres, padded to whole [`LANES`] with the origin.
     pub positions: [Vec<[f32; LANES]>; 3],
-    /// First, second and third corners of the triangles, padded with triangles that are points.
-    pub corners: [Vec<[u32; LANES]>; 3],
+    /// First, second and third corners of the triangles, padded with triangles that are points. All below [`Figure::vertices`].
+    corners: [Vec<[u32; LANES]>; 3],
     /// What leaves each triangle.
     pub inks: Vec<Ink>,
     /// Bit by bit, which triangles of each group of [`LANES`] belong to solids, of which only the front is seen.
@@ -64,6 +64,8 @@ impl Figure {
             lanes(values)
         };
         let corner = |corner: usize| lanes(mesh.triangles.iter().map(|triangle| triangle.corners[corner]));
+        let vertices = mesh.positions.len() as u32;
+        assert!(mesh.triangles.iter().all(|triangle| triangle.corners.iter().all(|corner| *corner < vertices)));
         let solid = solids(&mesh);
         let bits = |group: &[bool]| (0..).zip(group).map(|(lane, solid)| u32::from(*solid) << lane).sum();
         let radius_m = mesh.positions.iter().map(|position| position.length()).fold(0.0, f64::max) as f32;
@@ -76,6 +78,22 @@ impl Figure {
             radius_m: if radius_m > 0.0 { radius_m } else { 1.0 },
             mesh,
         }
+    }
+
+    /// How many vertices there are.
+    pub fn vertices(&self) -> usize {
+        self.mesh.positions.len()
+    }
+
+    /// How many groups of [`LANES`] triangles there are.
+    pub fn groups(&self) -> usize {
+        self.solid.len()
+    }
+
+    /// The first, second or third corners of the triangles, group by group; all below [`Figure::vertices`].
+    #[inline(always)]
+    pub fn corners(&self, corner: usize) -> &[[u32; LANES]] {
+        &self.corners[corner]
     }
 }
 

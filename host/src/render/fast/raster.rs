@@ -61,8 +61,8 @@ pub fn draw<B: Block, S: Surface>(
     touched: &mut Touched,
 ) {
     let mut setup = Setup::new();
-    for group in 0..scene.figure.corners[0].len() {
-        setup.prepare(scene.figure, vertices, &scene.grid, view.front, group);
+    for group in 0..scene.figure.groups() {
+        setup.prepare::<B>(scene.figure, vertices, &scene.grid, view.front, group);
         let mut drawn = setup.drawn;
         while drawn != 0 {
             let lane = drawn.trailing_zeros() as usize;

@@ -1,6 +1,6 @@
 //! Triangles of a slice: which of them may show, and what is to be known to fill them.
 
-use super::block::{CENTRE, COLUMNS};
+use super::block::{Block, CENTRE, COLUMNS};
 use super::figure::{Figure, LANES};
 use super::grid::{Grid, rounded};
 use super::vertices::{LOST, OFF, SIDES, Vertices, WIDE};
@@ -64,9 +64,9 @@ impl Setup {
 
     /// Sets group `group` up. `front` is the sign that the area of a triangle has whose front is seen, 0 if that is not known.
     #[inline(always)]
-    pub fn prepare(&mut self, figure: &Figure, vertices: &Vertices, grid: &Grid, front: i32, group: usize) {
-        let [common, any] = self.gather(figure, vertices, group);
-        self.choose(&common, &any, grid, front, figure.solid[group]);
+    pub fn prepare<B: Block>(&mut self, figure: &Figure, vertices: &Vertices, grid: &Grid, front: i32, group: usize) {
+        let [common, any] = self.gather::<B>(figure, vertices, group);
+        self.choose::<B>(&common, &any, grid, front, figure.solid[group]);
         if self.drawn != 0 {
             self.find_edges(grid);
             self.find_depth(grid);
@@ -75,14 +75,15 @@ impl Setup {
 
     /// Collects the corners; the states that all of them have, and those that any has.
     #[inline(always)]
-    fn gather(&mut self, figure: &Figure, vertices: &Vertices, group: usize) -> [Lane; 2] {
-        let [places, depths] = [vertices.places.as_flattened(), vertices.depths.as_flattened()];
+    #[allow(unsafe_code)]
+    fn gather<B: Block>(&mut self, figure: &Figure, vertices: &Vertices, group: usize) -> [Lane; 2] {
+        assert!(vertices.packed().len() >= figure.vertices());
         let mut common = [-1; LANES];
         let mut any = [0; LANES];
         for corner in 0..3 {
-            let indices = &figure.corners[corner][group];
-            let place = each(|lane| places[indices[lane] as usize] as i32);
-            let depth = each(|lane| depths[indices[lane] as usize] as i32);
+            // SAFETY: a figure's corners are below the number of its vertices.
+            let packed = unsafe { B::gather(vertices.packed(), &figure.corners(corner)[group]) };
+            let (place, depth) = (each(|lane| packed[lane] as i32), each(|lane| (packed[lane] >> 32) as i32));
             self.x[corner] = each(|lane| place[lane] << 16 >> 16);
             self.y[corner] = each(|lane| place[lane] >> 16);
             self.z[corner] = each(|lane| depth[lane] << 16 >> 16);
@@ -93,8 +94,10 @@ impl Setup {
     }
 
     /// Finds out which triangles are to be filled, turns the corners of those whose area is negative, and finds the pixels in reach.
+    ///
+    /// What holds is said by signs: of comparisons the compiler makes branches.
     #[inline(always)]
-    fn choose(&mut self, common: &Lane, any: &Lane, grid: &Grid, front: i32, solid: u32) {
+    fn choose<B: Block>(&mut self, common: &Lane, any: &Lane, grid: &Grid, front: i32, solid: u32) {
         let [ax, bx, cx] = self.x;
         let [ay, by, cy] = self.y;
         let area = each(|lane| {
@@ -115,21 +118,20 @@ impl Setup {
         };
         let (first_x, first_y) = (first(&left, 0), first(&top, 1));
         let (last_x, last_y) = (last(&right, 0), last(&bottom, 1));
-        let is_shut = each(|lane| common[lane] & SIDES as i32 | any[lane] & LOST as i32);
-        let is_large = each(|lane| {
-            let large = i32::from(right[lane] - left[lane] > LARGE) | i32::from(bottom[lane] - top[lane] > LARGE);
-            large | any[lane] & WIDE as i32
-        });
-        let reaches = each(|lane| i32::from(first_x[lane] <= last_x[lane]) & i32::from(first_y[lane] <= last_y[lane]));
-        // Of the two signs of a solid's triangles, that of its backs.
-        let back = -front;
-        let is_back = bits(|lane| (area[lane] ^ back) >= 0 && back != 0) & solid;
-        let open = bits(|lane| is_shut[lane] == 0);
-        let large = bits(|lane| is_large[lane] != 0);
-        let covering = bits(|lane| reaches[lane] != 0) & bits(|lane| area[lane] != 0);
-        self.drawn = open & !large & covering & !is_back;
+        let shut = each(|lane| -(common[lane] & SIDES | any[lane] & LOST));
+        let large =
+            each(|lane| (LARGE - right[lane] + left[lane]) | (LARGE - bottom[lane] + top[lane]) | -(any[lane] & WIDE));
+        let has_area = each(|lane| area[lane] | area[lane].wrapping_neg());
+        let misses = each(|lane| (last_x[lane] - first_x[lane]) | (last_y[lane] - first_y[lane]) | !has_area[lane]);
+        let faces = each(|lane| area[lane] ^ front);
+        let rim = each(|lane| -(any[lane] & OFF));
+        // Where the sign of fronts is not known, all are drawn.
+        let backs = if front == 0 { 0 } else { B::negative_lanes(&faces) & solid };
+        let open = !B::negative_lanes(&shut);
+        let large = B::negative_lanes(&large);
+        self.drawn = open & !large & !B::negative_lanes(&misses) & !backs & ((1 << LANES) - 1);
         self.wide = open & large;
-        self.rim = bits(|lane| any[lane] & OFF as i32 != 0);
+        self.rim = B::negative_lanes(&rim);
         turn(&mut self.x, &turned);
         turn(&mut self.y, &turned);
         turn(&mut self.z, &turned);
@@ -148,8 +150,8 @@ impl Setup {
             let up = each(|lane| from_y[lane] - to_y[lane]);
             // The top-left rule: with y downward and a positive area, up is a left edge, rightward a top one.
             let bias = each(|lane| {
-                let owns_border = i32::from(up[lane] > 0) | i32::from(up[lane] == 0) & i32::from(across[lane] > 0);
-                owns_border - 1
+                let rightward = !(up[lane] | -up[lane]) & -across[lane];
+                !(-up[lane] | rightward) >> 31
             });
             self.edges[edge] = each(|lane| {
                 let one = across[lane].wrapping_mul(y[lane] - from_y[lane]);
@@ -195,16 +197,6 @@ fn each<T: Copy + Default>(value: impl Fn(usize) -> T) -> Lane<T> {
         *result = value(lane);
     }
     lanes
-}
-
-/// Bit by bit, the lanes for which `holds`.
-#[inline(always)]
-fn bits(holds: impl Fn(usize) -> bool) -> u32 {
-    let mut bits = 0;
-    for lane in 0..LANES {
-        bits |= u32::from(holds(lane)) << lane;
-    }
-    bits
 }
 
 #[inline(always)]

@@ -3,7 +3,7 @@
 //! Their methods are `inline(always)` and end in functions that enable the instructions: see [`super::super::level`].
 #![allow(unsafe_code)]
 
-use super::{Block, COLUMNS, PIXELS};
+use super::{Block, COLUMNS, LANES, PIXELS, Portable};
 use core::arch::x86_64::*;
 
 /// One register. SAFETY of its methods: they are called, by way of `level`, where AVX-512 F and BW were found.
@@ -90,6 +90,27 @@ impl Block for Avx512 {
     #[inline(always)]
     fn negative(self) -> u32 {
         unsafe { _mm512_movepi16_mask(self.0) }
+    }
+
+    #[inline(always)]
+    fn negative_lanes(lanes: &[i32; LANES]) -> u32 {
+        // An array is as large as the register.
+        unsafe { _mm512_movepi32_mask(_mm512_loadu_si512(lanes.as_ptr().cast())).into() }
+    }
+
+    #[inline(always)]
+    unsafe fn gather(table: &[u64], indices: &[u32; LANES]) -> [u64; LANES] {
+        let mut values = [0; LANES];
+        for half in 0..2 {
+            // Half an array of indices, and of values, is as large as a register; indices are in the table, as the caller has made sure,
+            // and do not reach half of what 32 bits hold.
+            unsafe {
+                let indices = _mm256_loadu_si256(indices.as_ptr().add(8 * half).cast());
+                let gathered = _mm512_i32gather_epi64::<8>(indices, table.as_ptr().cast());
+                _mm512_storeu_si512(values.as_mut_ptr().add(8 * half).cast(), gathered);
+            }
+        }
+        values
     }
 
     #[inline(always)]
@@ -203,6 +224,22 @@ impl Block for Avx2 {
             let bytes = _mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packs_epi16(self.0[0], self.0[1]));
             _mm256_movemask_epi8(bytes) as u32
         }
+    }
+
+    #[inline(always)]
+    fn negative_lanes(lanes: &[i32; LANES]) -> u32 {
+        // An array is as large as two registers.
+        let half = |half: usize| unsafe {
+            let lanes = _mm256_loadu_si256(lanes.as_ptr().add(8 * half).cast());
+            _mm256_movemask_ps(_mm256_castsi256_ps(lanes)) as u32
+        };
+        half(0) | half(1) << 8
+    }
+
+    #[inline(always)]
+    unsafe fn gather(table: &[u64], indices: &[u32; LANES]) -> [u64; LANES] {
+        // Its gathers are no faster than one load after the other.
+        unsafe { Portable::gather(table, indices) }
     }
 
     #[inline(always)]
