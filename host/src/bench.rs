@@ -7,6 +7,7 @@ pub mod who;
 
 use crate::machine::Machine;
 use crate::render::plan::choose::{Budget, Fixed, PlanError, choose, predict};
+use crate::render::plan::cost::Work;
 use crate::render::plan::{Edges, Halftone, Plan, Projection};
 use crate::render::tessellate::tessellate;
 use crate::scene::ShadedScene;
@@ -29,8 +30,8 @@ pub struct Case<'a> {
     pub rig: Rig,
     /// The methods.
     pub plan: Plan,
-    /// Triangles that `plan` makes of the scene.
-    pub triangles: usize,
+    /// What there is to do for a turn of the rig that was asked for.
+    pub work: Work,
     /// Who renders.
     pub who: Who,
     /// Whether it belongs to the sweep over slice counts.
@@ -38,10 +39,11 @@ pub struct Case<'a> {
 }
 
 impl Case<'_> {
-    /// The slices that are rendered: all, or of the clear renderer, which is slow, every twelfth, whose time is scaled up.
+    /// The slices that are rendered: all, or of the clear renderer, which is slow, twelve, whose time is scaled up.
     pub fn slices(&self) -> Vec<u32> {
-        let step = if self.who == Who::Clear { 12 } else { 1 };
-        (0..self.rig.rotation.slices).step_by(step).collect()
+        let all = self.rig.rotation.slices;
+        let step = if self.who == Who::Clear { all.div_ceil(12) } else { 1 };
+        (0..all).step_by(step as usize).collect()
     }
 }
 
@@ -78,8 +80,8 @@ pub struct Row {
     pub scene: String,
     /// Triangles of the scene.
     pub triangles: usize,
-    /// Triangles after edges were cut.
-    pub triangles_cut: usize,
+    /// What there was to do for a turn; with another number of slices, of the rig that was asked for.
+    pub work: Work,
     /// Slices a turn.
     pub slices: u32,
     /// The methods.
@@ -106,6 +108,8 @@ pub struct Row {
     pub turns_per_second: f64,
     /// How many times faster than the baseline on the same scene, rig, model and halftone, by the medians.
     pub times_faster: Option<f64>,
+    /// The same by the time of all cores together, which other programs on the machine disturb less.
+    pub times_less_cores: Option<f64>,
     /// Medians of the parts of a turn in milliseconds, in order, as [`crate::render::Prepared::stages`] has them.
     pub stages: Vec<(&'static str, f64)>,
     /// The most memory of a process that does nothing else, in bytes.
@@ -151,9 +155,13 @@ impl Report {
         self.baseline = [Who::GpuSlice, Who::Clear].into_iter().find(|who| self.rows.iter().any(|row| row.who == *who));
         let same = |a: &Row, b: &Row| (&a.scene, a.slices, a.plan) == (&b.scene, b.slices, b.plan);
         let baseline = |row: &Row| self.rows.iter().find(|one| Some(one.who) == self.baseline && same(one, row));
-        let ratios: Vec<_> =
-            self.rows.iter().map(|row| Some(baseline(row)?.turn_ms.median / row.turn_ms.median)).collect();
-        self.rows.iter_mut().zip(ratios).for_each(|(row, ratio)| row.times_faster = ratio);
+        let ratio = |of: &dyn Fn(&Row) -> Option<f64>| -> Vec<Option<f64>> {
+            self.rows.iter().map(|row| Some(of(baseline(row)?)? / of(row)?)).collect()
+        };
+        let (times, cores) = (ratio(&|row| Some(row.turn_ms.median)), ratio(&|row| row.cores_ms));
+        for ((row, times), cores) in self.rows.iter_mut().zip(times).zip(cores) {
+            (row.times_faster, row.times_less_cores) = (times, cores);
+        }
     }
 }
 
@@ -201,14 +209,16 @@ pub fn cases<'a>(wish: &Wish<'a>, done: &dyn Fn()) -> Result<Vec<Case<'a>>, Plan
     let mut cases = Vec::new();
     for (scene_name, scene) in wish.scenes {
         for (index, projection) in wish.projections.iter().enumerate() {
-            let (plan, triangles) = plan(scene, wish.rig, *projection, wish.budget_px)?;
-            let mut add = |slices, halftone, is_of_sweep| {
-                cases.extend(wish.renderers.iter().map(|who| Case {
+            let (plan, work) = plan(scene, wish.rig, *projection, wish.budget_px)?;
+            let mut add = |slices, halftone, is_of_sweep: bool| {
+                // A sample of slices, scaled up, grows as they do: there is nothing to see.
+                let renderers = wish.renderers.iter().filter(|who| !is_of_sweep || **who != Who::Clear);
+                cases.extend(renderers.map(|who| Case {
                     scene_name,
                     scene,
                     rig: with_slices(wish.rig, slices),
                     plan: Plan { halftone, ..plan },
-                    triangles,
+                    work,
                     who: *who,
                     is_of_sweep,
                 }));
@@ -227,18 +237,17 @@ pub fn cases<'a>(wish: &Wish<'a>, done: &dyn Fn()) -> Result<Vec<Case<'a>>, Plan
     Ok(cases)
 }
 
-fn plan(scene: &ShadedScene, rig: &Rig, projection: Projection, px: f64) -> Result<(Plan, usize), PlanError> {
+fn plan(scene: &ShadedScene, rig: &Rig, projection: Projection, px: f64) -> Result<(Plan, Work), PlanError> {
     let model = if projection == Projection::Planar { Projection::ConeNewton } else { projection };
     let fixed = Fixed { projection: Some(model), edges: Some(Edges::Adaptive), ..Fixed::default() };
     let chosen = choose(scene, rig, fixed, Budget::Error(px))?.chosen;
     if projection == model {
-        return Ok((chosen.plan, chosen.work.triangles_a_slice));
+        return Ok((chosen.plan, chosen.work));
     }
     let plan = Plan { projection, ..chosen.plan };
-    let mesh = tessellate(scene, rig, &plan)?;
     // The planar fan must draw the whole scene, too.
-    predict(&mesh, rig, &plan).ok_or_else(|| PlanError::Lost(rig.name.clone()))?;
-    Ok((plan, mesh.triangles.len()))
+    let drawn = predict(&tessellate(scene, rig, &plan)?, rig, &plan);
+    drawn.map(|drawn| (plan, drawn.work)).ok_or_else(|| PlanError::Lost(rig.name.clone()))
 }
 
 /// `rig` with another number of slices a turn, at the same turns a second where the projector can be so fast.
@@ -282,11 +291,11 @@ mod tests {
         };
         let cases = cases(&wish, &|| ()).unwrap();
         let (swept, main): (Vec<_>, Vec<_>) = cases.iter().partition(|case| case.is_of_sweep);
-        assert_eq!((main.len(), swept.len()), (8, 10));
+        assert_eq!((main.len(), swept.len()), (8, 5));
         let [planar, cone] = [0, 4].map(|index| Plan { projection: Projection::Planar, ..main[index].plan });
         assert!(planar == cone && main[4].plan.projection == Projection::ConeNewton);
-        assert!(main.iter().all(|case| case.triangles > 2 * scenes[0].1.triangles.len()));
+        assert!(main.iter().all(|case| case.work.triangles_a_slice > 2 * scenes[0].1.triangles.len()));
         assert!(swept.iter().all(|case| (case.rig.turns_per_second() - 20.0).abs() < 1e-9));
-        assert_eq!((main[0].slices().len(), main[1].slices().len()), (24, 288));
+        assert_eq!((main[0].slices().len(), main[1].slices().len()), (12, 288));
     }
 }

@@ -208,7 +208,7 @@ impl<'a> Runner<'a> {
         Row {
             scene: case.scene_name.into(),
             triangles: case.scene.triangles.len(),
-            triangles_cut: case.triangles,
+            work: case.work,
             slices: case.rig.rotation.slices,
             plan: case.plan,
             who: case.who,
@@ -222,6 +222,7 @@ impl<'a> Runner<'a> {
             slices_per_second: turns_per_second * f64::from(case.rig.rotation.slices),
             turns_per_second,
             times_faster: None,
+            times_less_cores: None,
             stages: self.stages.into_values().map(|(name, times)| (name, median(times))).collect(),
             peak_bytes: None,
         }

@@ -41,10 +41,11 @@ fn heading(report: &Report) -> String {
         report.rig, report.rig_turns_per_second, report.budget_px, report.rounds, report.seed
     );
     match report.baseline {
-        Some(Who::Clear) => out += "x: times faster than the clear renderer, since no GPU took part\n",
-        Some(who) => out += &format!("x: times faster than {who}, a pass for each slice\n"),
-        None => {}
+        Some(Who::Clear) => out += "x: times faster than the clear renderer, since no GPU took part",
+        Some(who) => out += &format!("x: times faster than {who}, a pass for each slice"),
+        None => return out,
     }
+    out += "\nx cores: the same by the time of all cores, which other programs disturb less\n";
     out
 }
 
@@ -62,24 +63,25 @@ fn times(scene: &str, halftone: Halftone, rows: &[&Row]) -> String {
     let mut out = format!("\n{scene}, {} triangles, {} slices, {halftone}\n", first.triangles, first.slices);
     let _ = writeln!(
         out,
-        " {:<12} {:<6} {:>7} {:^15} {:>8} {:>8} {:>7} {:>7}",
-        "renderer", "model", "ms", "quartiles", "cores ms", "slices/s", "turns/s", "x"
+        " {:<12} {:<6} {:>7} {:>10} {:>8} {:>8} {:>7} {:>6} {:>7}",
+        "renderer", "model", "ms", "quartiles", "cores ms", "slices/s", "turns/s", "x", "x cores"
     );
     for row in rows {
         let sampled = if row.slices_rendered < row.slices { "*" } else { " " };
         let model = projection(row.plan.projection);
         let times = row.turn_ms;
+        let percent = |value: f64| 100.0 * (value / times.median - 1.0);
         let _ = writeln!(
             out,
-            "{sampled}{:<12} {model:<6} {:>7} {:>7}-{:<7} {:>8} {:>8.0} {:>7} {:>7}",
+            "{sampled}{:<12} {model:<6} {:>7} {:>10} {:>8} {:>8.0} {:>7} {:>6} {:>7}",
             row.who.to_string(),
             short(times.median),
-            short(times.lower),
-            short(times.upper),
+            format!("{:+.0} {:+.0} %", percent(times.lower), percent(times.upper)),
             row.cores_ms.map_or("-".into(), short),
             row.slices_per_second,
             short(row.turns_per_second),
             row.times_faster.map_or("-".into(), short),
+            row.times_less_cores.map_or("-".into(), short),
         );
     }
     if let Some(row) = rows.iter().find(|row| row.slices_rendered < row.slices) {
@@ -168,12 +170,13 @@ mod tests {
     use crate::bench::Spread;
     use crate::machine::Machine;
     use crate::render::plan::Plan;
+    use crate::render::plan::cost::Work;
 
     fn row(who: Who, ms: f64, slices: u32) -> Row {
         Row {
             scene: "knot-70k".into(),
             triangles: 71_040,
-            triangles_cut: 71_040,
+            work: Work::default(),
             slices,
             plan: Plan { halftone: Halftone::AlternatingBlueNoise, ..Plan::default() },
             who,
@@ -187,6 +190,7 @@ mod tests {
             slices_per_second: 0.0,
             turns_per_second: 1e3 / ms,
             times_faster: None,
+            times_less_cores: None,
             stages: ["transform", "cull", "raster", "resolve"].map(|name| (name, ms)).to_vec(),
             peak_bytes: Some(123_456_789),
         }

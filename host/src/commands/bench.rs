@@ -9,6 +9,7 @@ use crate::machine::peak_memory;
 use crate::output::Folder;
 use crate::render::Renderer;
 use crate::render::gpu::{GpuRenderer, Way};
+use crate::render::plan::cost::Work;
 use crate::render::plan::{Halftone, Plan, Projection};
 use crate::rigs;
 use crate::scene::ShadedScene;
@@ -201,7 +202,7 @@ fn say_peak(args: &Args, plan: &str) -> Result<(), Failure> {
     let (renderers, _) = open(args)?;
     for (who, renderer) in &renderers {
         let rig = rigs::find(&args.rig)?;
-        let case = Case { scene_name, scene, rig, plan, triangles: 0, who: *who, is_of_sweep: false };
+        let case = Case { scene_name, scene, rig, plan, work: Work::default(), who: *who, is_of_sweep: false };
         render_once(&case, renderer.as_ref())?;
     }
     if let Some(peak) = peak_memory() {
