@@ -16,7 +16,7 @@ impl Mask {
     pub fn new(method: Halftone, slice: u32, turn: u32) -> Option<Self> {
         let tile = |side: usize, slices: usize| {
             let (side, cells) = (side as u32, (side * side * slices) as u32);
-            Self { slice, kind: TILE, side, cells, offset: 0, shift: 0 }
+            Self { kind: TILE, side, cells, offset: 0, shift: 0 }
         };
         let blue_noise = |shift: f64| {
             let blue = tile(BLUE_SIDE, 1);
@@ -24,7 +24,7 @@ impl Mask {
         };
         let odd = |number: u32| f64::from(number % 2);
         Some(match method {
-            Halftone::WhiteNoise => Self { slice, kind: WHITE, side: 1, cells: 1, offset: 0, shift: 0 },
+            Halftone::WhiteNoise => Self { kind: WHITE, side: 1, cells: 1, offset: 0, shift: slice },
             Halftone::Bayer => tile(BAYER_SIDE as usize, 1),
             Halftone::BlueNoiseFixed => blue_noise(0.0),
             Halftone::BlueNoiseHalf => blue_noise(odd(slice) / 2.0),
@@ -38,10 +38,8 @@ impl Mask {
         })
     }
 
-    /// None: the grey of slice `slice`.
-    pub fn grey(slice: u32) -> Self {
-        Self { slice, kind: GREY, side: 1, cells: 1, offset: 0, shift: 0 }
-    }
+    /// None: grey stays.
+    pub const GREY: Self = Self { kind: GREY, side: 1, cells: 1, offset: 0, shift: 0 };
 
     /// The ranks to which masks of `method` refer; none where there are none.
     pub fn ranks(method: Halftone) -> Vec<u32> {
