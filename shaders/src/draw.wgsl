@@ -1,16 +1,14 @@
 // Slices by raster hardware, one or more of them in a layer of the target.
 
-// What is the same all over a triangle is handed on, not looked up pixel by pixel.
+// What is the same all over a triangle is handed on, not looked up pixel by pixel; few and full, since each costs a triangle's set-up.
 struct Corner {
     @builtin(position) position: vec4f,
-    @location(0) @interpolate(linear) luminance: f32,
-    @location(1) @interpolate(linear) weights: vec3f,
-    @location(2) @interpolate(flat) triangle: u32,
-    @location(3) @interpolate(flat) instance: u32,
-    @location(4) @interpolate(flat) safe: u32,
-    @location(5) @interpolate(flat) cell: vec2u,
-    @location(6) @interpolate(flat) tile: vec4u,
-    @location(7) @interpolate(flat) noise: vec2u,
+    // Weights of the corners, and luminance without a texture.
+    @location(0) @interpolate(linear) shade: vec4f,
+    // Triangle, instance, cell, and the mask's kind and whether the triangle is safe.
+    @location(1) @interpolate(flat) place: vec4u,
+    // The rest of the mask.
+    @location(2) @interpolate(flat) tile: vec4u,
 }
 
 @vertex
@@ -40,33 +38,29 @@ fn draw_vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) numbe
     let mask = instance.mask;
     return Corner(
         position,
-        dot(weights, triangle.luminance),
-        weights,
-        index / 3u,
-        number,
-        u32(is_safe(corners)),
-        cell,
+        vec4f(weights, dot(weights, triangle.luminance)),
+        vec4u(index / 3u, number, instance.cell, mask.kind << 1u | u32(is_safe(corners))),
         vec4u(mask.side, mask.cells, mask.offset, mask.shift),
-        vec2u(mask.kind, mask.slice),
     );
 }
 
 @fragment
 fn draw_fragment(corner: Corner) -> @location(0) f32 {
+    let place = corner.place;
     // Left of and above its cell it wraps to large numbers.
-    let pixel = vec2u(corner.position.xy) - corner.cell;
+    let pixel = vec2u(corner.position.xy) - vec2u(place.z & 0xffffu, place.z >> 16u);
     if pixel.x >= batch.width || pixel.y >= batch.height {
         discard;
     }
-    let safe = corner.safe != 0u;
-    if (!safe || FACES) && !is_shown(instances[corner.instance], safe, pixel) {
+    let safe = (place.w & 1u) != 0u;
+    if (!safe || FACES) && !is_shown(instances[place.y], safe, pixel) {
         discard;
     }
-    var luminance = clamp(corner.luminance, 0.0, 1.0);
+    var luminance = clamp(corner.shade.w, 0.0, 1.0);
     if TEXTURED {
-        luminance = luminance_at(triangles[corner.triangle], corner.weights);
+        luminance = luminance_at(triangles[place.x], corner.shade.xyz);
     }
     let tile = corner.tile;
-    let mask = Mask(corner.noise.y, corner.noise.x, tile.x, tile.y, tile.z, tile.w);
+    let mask = Mask(place.w >> 1u, tile.x, tile.y, tile.z, tile.w);
     return f32(halftoned(mask, pixel, luminance)) * select(1.0, 1.0 / 255.0, mask.kind == GREY);
 }

@@ -1,7 +1,6 @@
 // The twin of halftone/mask.rs: thresholds of the masks. `ranks` holds the tiles.
 
 struct Mask {
-    slice: u32,
     kind: u32,
     side: u32,
     cells: u32,
@@ -30,7 +29,7 @@ fn mixed(a: u32, b: u32, c: u32) -> u32 {
 
 fn threshold(mask: Mask, pixel: vec2u) -> f32 {
     if mask.kind == WHITE {
-        return (f32(mixed(pixel.x, pixel.y, mask.slice) >> 8u) + 0.5) / 16777216.0;
+        return (f32(mixed(pixel.x, pixel.y, mask.shift) >> 8u) + 0.5) / 16777216.0;
     }
     // Powers of two: divisions took a third of a slice's time.
     let place = pixel & vec2u(mask.side - 1u);

@@ -8,7 +8,7 @@
 
 const FIXED = 256.0;
 // Pixels of the largest box that one invocation fills by itself, and its longest side.
-const SMALL_PX = 256;
+const SMALL_PX = 4096;
 const SMALL_SIDE = 64;
 // Columns and rows of a tile, and how many workgroups share a large triangle's tiles.
 const TILE_SIDE = 64;

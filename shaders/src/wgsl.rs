@@ -104,12 +104,10 @@ pub struct Vertex {
     pub state: u32,
 }
 
-/// A slot's slice and how it is halftoned.
+/// How a slice is halftoned.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 pub struct Mask {
-    /// The slice.
-    pub slice: u32,
     /// 0 white noise, 1 a tile of ranks, 2 grey.
     pub kind: u32,
     /// Columns and rows of the tile.
@@ -118,7 +116,7 @@ pub struct Mask {
     pub cells: u32,
     /// The tile's first rank.
     pub offset: u32,
-    /// Added to each rank.
+    /// Added to each rank; of white noise the slice.
     pub shift: u32,
 }
 

@@ -13,9 +13,9 @@ impl Mask {
     pub fn new(method: Halftone, slice: u32, turn: u32) -> Option<Self> {
         let mask = mask::Mask::new(method, slice, turn)?;
         let Some(side) = mask.side().map(|side| side as u32) else {
-            return Some(Self { slice, kind: WHITE, side: 1, cells: 1, offset: 0, shift: 0 });
+            return Some(Self { kind: WHITE, side: 1, cells: 1, offset: 0, shift: slice });
         };
-        let tile = Self { slice, kind: TILE, side, cells: side * side, offset: 0, shift: 0 };
+        let tile = Self { kind: TILE, side, cells: side * side, offset: 0, shift: 0 };
         Some(match mask {
             mask::Mask::Blue { shift } => Self { shift: shift as u32, ..tile },
             mask::Mask::Volume { layer } => {
@@ -25,10 +25,8 @@ impl Mask {
         })
     }
 
-    /// None: the grey of slice `slice`.
-    pub fn grey(slice: u32) -> Self {
-        Self { slice, kind: GREY, side: 1, cells: 1, offset: 0, shift: 0 }
-    }
+    /// None: grey stays.
+    pub const GREY: Self = Self { kind: GREY, side: 1, cells: 1, offset: 0, shift: 0 };
 
     /// The ranks to which masks of `method` refer; none where there are none.
     pub fn ranks(method: Halftone) -> Vec<u32> {

@@ -206,11 +206,8 @@ impl<'a> Job<'a> {
     }
 
     fn launch(&mut self, slices: &[u32], turn: u32) -> Result<Flight, GpuError> {
-        let mask = |slice: &u32| {
-            self.halftone.and_then(|method| Mask::new(method, *slice, turn)).unwrap_or_else(|| Mask::grey(*slice))
-        };
-        let masks = slices.iter().map(mask);
-        let instances: Vec<_> = (0..).zip(masks).flat_map(|(slot, mask)| self.instances_of(slot, mask)).collect();
+        let instances: Vec<_> =
+            (0..).zip(slices).flat_map(|(slot, slice)| self.instances_of(slot, *slice, turn)).collect();
         self.gpu.queue.write_buffer(&self.instances, 0, bytemuck::cast_slice(&instances));
         let slots = slices.len() as u32;
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
@@ -266,8 +263,9 @@ impl<'a> Job<'a> {
     }
 
     /// The faces of a slot.
-    fn instances_of(&self, slot: u32, mask: Mask) -> impl Iterator<Item = wgsl::Instance> {
-        let first = mask.slice * self.faces;
+    fn instances_of(&self, slot: u32, slice: u32, turn: u32) -> impl Iterator<Item = wgsl::Instance> {
+        let mask = self.halftone.and_then(|method| Mask::new(method, slice, turn)).unwrap_or(Mask::GREY);
+        let first = slice * self.faces;
         let cell = self.grid.cell(slot, self.size);
         (first..first + self.faces).map(move |optics| wgsl::Instance { mask, slot, optics, first, cell })
     }

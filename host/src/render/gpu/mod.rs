@@ -2,6 +2,7 @@
 
 mod device;
 mod draw;
+mod evaluate;
 mod job;
 mod model;
 mod needs;
