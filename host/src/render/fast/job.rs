@@ -1,4 +1,4 @@
-//! A scene on a rig, rendered slice by slice: a task a frame.
+//! A scene on a rig, rendered slice by slice: a task a frame, or as many slices as are diffused together.
 
 use super::block::Block;
 use super::figure::{Figure, WHITE};
@@ -19,6 +19,7 @@ use crate::scene::ShadedScene;
 use glam::DVec2;
 use protocol::rig::Rig;
 use rayon::prelude::*;
+use shaders::halftone::diffusion::{Kernel, Slices, diffuse_lanes};
 use shaders::halftone::mask::Mask;
 use shaders::halftone::{Slot, halftone};
 use shaders::project::methods::{FaceOptics, SliceProjector};
@@ -27,6 +28,10 @@ use std::sync::{Mutex, PoisonError};
 
 /// Slices that one task makes, one after the other.
 const FRAME: usize = 24;
+/// Slices whose errors are diffused together.
+const TOGETHER: usize = 16;
+/// Fewer are diffused one by one: what is computed for lanes without a slice is lost.
+const TOGETHER_MIN: usize = 4;
 
 /// A scene on a rig.
 pub struct Job<'a> {
@@ -50,6 +55,9 @@ struct Room {
     bits: Option<Bits>,
     greys: Option<Greys>,
     luminances: Vec<f32>,
+    /// Of slices that are diffused together, and planes for lanes without a slice.
+    levels: [Vec<i16>; TOGETHER],
+    spare: Vec<u8>,
 }
 
 impl<'a> Job<'a> {
@@ -70,23 +78,72 @@ impl<'a> Job<'a> {
 
 impl Prepared for Job<'_> {
     fn render(&mut self, wanted: Wanted<'_>, turn: &mut Turn) -> Result<(), RenderError> {
-        let size = [turn.width(), turn.height()];
-        let grid = Grid::new(size, self.figure.radius_m);
+        let grid = Grid::new([turn.width(), turn.height()], self.figure.radius_m);
         let slice_bytes = turn.slice_bytes();
+        let kernel = self.halftone.binary().and_then(|method| method.diffusion(wanted.number));
+        let slices = if kernel.is_some() { TOGETHER } else { FRAME };
         let job: &Self = self;
-        turn.bytes_mut().par_chunks_mut(slice_bytes * FRAME).enumerate().for_each(|(frame, bytes)| {
+        turn.bytes_mut().par_chunks_mut(slice_bytes * slices).enumerate().for_each(|(task, bytes)| {
             let mut room = job.rooms.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
-            for (slice, bytes) in (frame * FRAME..).zip(bytes.chunks_exact_mut(slice_bytes)) {
-                let slice = slice as u32;
-                if wanted.slices.contains(&slice) {
-                    let slot = Slot { slice, turn: wanted.number, blur: eye_blur(&job.rig, slice) };
-                    job.level.run(Slice { job, grid, slot, room: &mut room, bytes });
-                    (wanted.done)();
+            let of_task = (task * slices..).map(|slice| slice as u32).zip(bytes.chunks_exact_mut(slice_bytes));
+            let mut planes: Vec<_> = of_task.filter(|(slice, _)| wanted.slices.contains(slice)).collect();
+            match kernel {
+                Some(kernel) if planes.len() >= TOGETHER_MIN => {
+                    let done = wanted.done;
+                    job.level.run(Diffused { job, grid, kernel, room: &mut room, planes: &mut planes, done });
+                }
+                _ => {
+                    for (slice, bytes) in planes {
+                        let slot = Slot { slice, turn: wanted.number, blur: eye_blur(&job.rig, slice) };
+                        job.level.run(Slice { job, grid, slot, room: &mut room, bytes });
+                        (wanted.done)();
+                    }
                 }
             }
             job.rooms.lock().unwrap_or_else(PoisonError::into_inner).push(room);
         });
         Ok(())
+    }
+}
+
+/// Slices whose errors are diffused together.
+struct Diffused<'a, 'b, 'c> {
+    job: &'a Job<'b>,
+    grid: Grid,
+    kernel: &'a Kernel,
+    room: &'a mut Room,
+    planes: &'a mut [(u32, &'c mut [u8])],
+    done: &'a (dyn Fn() + Sync),
+}
+
+impl Work for Diffused<'_, '_, '_> {
+    #[inline(always)]
+    fn run<B: Block>(self) {
+        let Self { job, grid, kernel, room, planes, done } = self;
+        let [width, height] = grid.size.map(|side| side as usize);
+        let mut greys = room.greys.take().unwrap_or_else(|| Greys::new(grid.size));
+        let mut levels = core::mem::take(&mut room.levels);
+        let mut seeds = [0; TOGETHER];
+        for (lane, levels) in levels.iter_mut().enumerate() {
+            levels.clear();
+            levels.resize(width * height, 0);
+            let Some((slice, _)) = planes.get(lane) else { continue };
+            seeds[lane] = *slice;
+            let touched = job.draw::<B, _>(&grid, *slice, room, &mut greys);
+            greys.take([touched.first[1], touched.end[1]], grid.size, |y, values| {
+                levels[y * width..][..width].copy_from_slice(values);
+            });
+        }
+        let slice_bytes = planes[0].1.len();
+        room.spare.resize((TOGETHER - planes.len()) * slice_bytes, 0);
+        let count = planes.len();
+        let mut all = planes.iter_mut().map(|(_, plane)| &mut **plane).chain(room.spare.chunks_exact_mut(slice_bytes));
+        let lanes = core::array::from_fn(|_| all.next().expect("a plane a lane"));
+        let luminance = levels.each_ref().map(Vec::as_slice);
+        diffuse_lanes(kernel, Slices { seeds, width: width as u32, luminance, shade: linear }, lanes);
+        (0..count).for_each(|_| done());
+        room.greys = Some(greys);
+        room.levels = levels;
     }
 }
 
@@ -142,6 +199,7 @@ impl Work for Slice<'_, '_> {
 }
 
 /// A luminance from what [`super::figure::level`] made of it, or a gradient that has been rounded.
+#[inline(always)]
 fn linear(level: i16) -> f32 {
     f32::from(level).max(0.0) / (WHITE - 1.0)
 }
