@@ -81,6 +81,7 @@ fn diffused_slices(criterion: &mut Criterion) {
                 seeds: core::array::from_fn(|lane| lane as u32),
                 width: SIDE,
                 luminance: [black_box(luminance.as_slice()); SLICES],
+                lit: [0..SIDE as usize, 0..SIDE as usize],
                 shade: |value| f32::from(value) * (1.0 / 32767.0),
             };
             let mut planes = planes.chunks_exact_mut(plane_stride(SIDE) * SIDE as usize);

@@ -2,6 +2,7 @@
 
 use super::{hash, plane_stride};
 use crate::shuffle::shuffle;
+use core::ops::Range;
 
 /// To whom an error goes, and how the threshold wanders.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,12 +55,13 @@ pub fn diffuse(
     plane: &mut [u8],
     correction: impl Fn(usize) -> f32,
 ) {
-    let slices = Slices { seeds: [seed], width, luminance: [luminance], shade: |value| value };
+    let lit = [width as usize, luminance.len() / width as usize].map(|side| 0..side);
+    let slices = Slices { seeds: [seed], width, luminance: [luminance], lit, shade: |value| value };
     diffuse_corrected(kernel, slices, [plane], |_, cell, wanted| wanted + correction(cell));
 }
 
 /// Slices of one size.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Slices<'a, const N: usize, T, S> {
     /// What tells slices apart: their numbers in the turn.
     pub seeds: [u32; N],
@@ -67,6 +69,8 @@ pub struct Slices<'a, const N: usize, T, S> {
     pub width: u32,
     /// Row major, as the caller keeps it.
     pub luminance: [&'a [T]; N],
+    /// The columns and the rows outside of which all is dark: it is not read.
+    pub lit: [Range<usize>; 2],
     /// To linear luminance: see [`super::halftone`].
     pub shade: S,
 }
@@ -105,17 +109,19 @@ fn diffuse_corrected<const N: usize, T: Copy + Default, S: Fn(T) -> f32>(
     // Errors of the row and of those above, the nearest first; a margin holds what leaves the row.
     let mut errors = [0; ROWS + 1].map(|_| vec![[0.0; N]; goes * GO + 2 * REACH]);
     let mut staged = vec![[[T::default(); GO]; N]; goes];
-    for y in 0..slices.luminance[0].len() / columns {
-        slices.stage(y, &mut staged);
+    planes.iter_mut().for_each(|plane| plane.fill(0));
+    let [lit_columns, rows] = slices.lit.clone();
+    let lit_goes = lit_columns.start / GO..lit_columns.end.div_ceil(GO);
+    for y in rows {
+        slices.stage(y, lit_goes.clone(), &mut staged);
         let rightward = y.is_multiple_of(2);
         let [row, above @ ..] = &mut errors;
         let mut carry = Carry { last: [0.0; N], last_but_one: [0.0; N] };
-        for go in 0..goes {
-            let x = GO * if rightward { go } else { goes - 1 - go };
+        for go in lit_goes.clone() {
+            let x = GO * if rightward { go } else { lit_goes.start + lit_goes.end - 1 - go };
             let bytes = y * stride + x / 8..y * stride + stride.min((x + GO) / 8);
             let cells = y * columns + x..y * columns + columns.min(x + GO);
             let (luminance, is_lit) = slices.luminance(&staged[x / GO]);
-            let mut words = [0; N];
             if is_lit {
                 let mut wanted = [[0.0; N]; GO];
                 for (row, (errors, shares)) in above.iter().zip(&kernel.below).enumerate() {
@@ -124,15 +130,15 @@ fn diffuse_corrected<const N: usize, T: Copy + Default, S: Fn(T) -> f32>(
                 let thresholds = kernel.thresholds([x as u32, y as u32], slices.seeds, &luminance);
                 let go = Decision { luminance, wanted, thresholds };
                 let correct = |lane, place, wanted| correct(lane, cells.start + place, wanted);
-                words = go.decide(kernel, (cells.len(), rightward), &mut carry, &mut row[x + REACH..], correct);
+                let words = go.decide(kernel, (cells.len(), rightward), &mut carry, &mut row[x + REACH..], correct);
+                for (plane, word) in planes.iter_mut().zip(words) {
+                    let plane = &mut plane[bytes.clone()];
+                    plane.copy_from_slice(&word.to_le_bytes()[..plane.len()]);
+                }
             } else {
                 // Where nothing is, nothing is lit: the silhouette stays sharp, and an error carried over the gap is dropped.
                 row[x + REACH..][..GO].fill([0.0; N]);
                 carry = Carry { last: [0.0; N], last_but_one: [0.0; N] };
-            }
-            for (plane, word) in planes.iter_mut().zip(words) {
-                let plane = &mut plane[bytes.clone()];
-                plane.copy_from_slice(&word.to_le_bytes()[..plane.len()]);
             }
         }
         errors.rotate_right(1);
@@ -140,12 +146,14 @@ fn diffuse_corrected<const N: usize, T: Copy + Default, S: Fn(T) -> f32>(
 }
 
 impl<const N: usize, T: Copy + Default, S: Fn(T) -> f32> Slices<'_, N, T, S> {
-    /// Copies row `y`, go by go and lane by lane. Read in the order in which it lies in memory it comes a tenth faster.
+    /// Copies `goes` of row `y`, lane by lane. Read in the order in which it lies in memory it comes a tenth faster.
     #[inline(always)]
-    fn stage(&self, y: usize, staged: &mut [[[T; GO]; N]]) {
+    fn stage(&self, y: usize, goes: Range<usize>, staged: &mut [[[T; GO]; N]]) {
         let columns = self.width as usize;
+        let cells = goes.start * GO..columns.min(goes.end * GO);
+        let staged = &mut staged[goes];
         for (lane, luminance) in self.luminance.iter().enumerate() {
-            let (whole, part) = luminance[y * columns..][..columns].as_chunks();
+            let (whole, part) = luminance[y * columns..][cells.clone()].as_chunks();
             staged.iter_mut().zip(whole).for_each(|(staged, luminance)| staged[lane] = *luminance);
             if let Some(staged) = staged.get_mut(whole.len()) {
                 staged[lane][..part.len()].copy_from_slice(part);

@@ -55,7 +55,7 @@ struct Room {
     bits: Option<Bits>,
     greys: Option<Greys>,
     luminances: Vec<f32>,
-    /// Of slices that are diffused together, and planes for lanes without a slice.
+    /// Of slices that are diffused together, dark between tasks; and planes for lanes without a slice.
     levels: [Vec<i16>; TOGETHER],
     spare: Vec<u8>,
 }
@@ -124,8 +124,8 @@ impl Work for Diffused<'_, '_, '_> {
         let mut greys = room.greys.take().unwrap_or_else(|| Greys::new(grid.size));
         let mut levels = core::mem::take(&mut room.levels);
         let mut seeds = [0; TOGETHER];
+        let mut lit = Touched::NONE;
         for (lane, levels) in levels.iter_mut().enumerate() {
-            levels.clear();
             levels.resize(width * height, 0);
             let Some((slice, _)) = planes.get(lane) else { continue };
             seeds[lane] = *slice;
@@ -133,6 +133,7 @@ impl Work for Diffused<'_, '_, '_> {
             greys.take([touched.first[1], touched.end[1]], grid.size, |y, values| {
                 levels[y * width..][..width].copy_from_slice(values);
             });
+            lit.add(touched.first, touched.end);
         }
         let slice_bytes = planes[0].1.len();
         room.spare.resize((TOGETHER - planes.len()) * slice_bytes, 0);
@@ -140,7 +141,10 @@ impl Work for Diffused<'_, '_, '_> {
         let mut all = planes.iter_mut().map(|(_, plane)| &mut **plane).chain(room.spare.chunks_exact_mut(slice_bytes));
         let lanes = core::array::from_fn(|_| all.next().expect("a plane a lane"));
         let luminance = levels.each_ref().map(Vec::as_slice);
-        diffuse_lanes(kernel, Slices { seeds, width: width as u32, luminance, shade: linear }, lanes);
+        let lit = lit.within(grid.size);
+        let [_, rows] = lit.clone();
+        diffuse_lanes(kernel, Slices { seeds, width: width as u32, luminance, lit, shade: linear }, lanes);
+        levels.iter_mut().for_each(|levels| levels[rows.start * width..rows.end * width].fill(0));
         (0..count).for_each(|_| done());
         room.greys = Some(greys);
         room.levels = levels;

@@ -10,6 +10,7 @@ use super::surface::Surface;
 use super::vertices::Vertices;
 use crate::render::canvas::shade;
 use crate::scene::Texture;
+use core::ops::Range;
 use std::sync::Arc;
 
 /// What pixels of a slice are filled with, and by which rules.
@@ -42,12 +43,21 @@ impl Touched {
     /// Nothing.
     pub const NONE: Self = Self { first: [i32::MAX; 2], end: [0; 2] };
 
+    /// Takes in more pixels.
     #[inline(always)]
-    fn add(&mut self, first: [i32; 2], end: [i32; 2]) {
+    pub fn add(&mut self, first: [i32; 2], end: [i32; 2]) {
         for axis in 0..2 {
             self.first[axis] = self.first[axis].min(first[axis]);
             self.end[axis] = self.end[axis].max(end[axis]);
         }
+    }
+
+    /// Its columns and rows within an image of `size` pixels.
+    pub fn within(&self, size: [i32; 2]) -> [Range<usize>; 2] {
+        [0, 1].map(|axis| {
+            let [first, end] = [self.first, self.end].map(|place| place[axis].clamp(0, size[axis]) as usize);
+            first.min(end)..end
+        })
     }
 }
 

@@ -86,9 +86,21 @@ fn picture(seed: u32, cells: usize) -> Vec<f32> {
 fn check_lanes<const N: usize>(kernel: &Kernel, seed: u32, width: u32, height: usize) -> Result<(), TestCaseError> {
     let bytes = plane_stride(width) * height;
     let seeds = core::array::from_fn(|lane| seed.wrapping_add(lane as u32));
-    let pictures = seeds.map(|seed| picture(seed, width as usize * height));
+    // Dark outside of a box.
+    let lit = [width, height as u32].map(|side| {
+        let ends = [4, 5].map(|which| (hash(seed, side, which) % (side + 1)) as usize);
+        ends[0].min(ends[1])..ends[0].max(ends[1])
+    });
+    let pictures = seeds.map(|seed| {
+        let mut picture = picture(seed, width as usize * height);
+        for (cell, shade) in picture.iter_mut().enumerate() {
+            let [x, y] = [cell % width as usize, cell / width as usize];
+            *shade = if lit[0].contains(&x) && lit[1].contains(&y) { *shade } else { 0.0 };
+        }
+        picture
+    });
     let mut planes = [(); N].map(|()| vec![0xAA; bytes]);
-    let slices = Slices { seeds, width, luminance: pictures.each_ref().map(Vec::as_slice), shade: |value| value };
+    let slices = Slices { seeds, width, luminance: pictures.each_ref().map(Vec::as_slice), lit, shade: |value| value };
     diffuse_lanes(kernel, slices, planes.each_mut().map(Vec::as_mut_slice));
     for (lane, plane) in planes.iter().enumerate() {
         let mut expected = vec![0x55; bytes];
@@ -114,7 +126,7 @@ proptest! {
         let shade = |value: i16| f32::from(value) / 32767.0;
         let luminance: Vec<_> = shades.iter().map(|value| shade(*value)).collect();
         let mut planes = [(); 2].map(|()| vec![0; plane_stride(width) * 9]);
-        let slices = Slices { seeds: [seed], width, luminance: [&shades], shade };
+        let slices = Slices { seeds: [seed], width, luminance: [&shades], lit: [0..width as usize, 0..9], shade };
         diffuse_lanes(&Kernel::OPTIMISED, slices, [&mut planes[0]]);
         diffuse(&Kernel::OPTIMISED, seed, width, &luminance, &mut planes[1], |_| 0.0);
         prop_assert_eq!(&planes[0], &planes[1]);
