@@ -104,15 +104,20 @@ pub struct Portable([[i16; COLUMNS]; ROWS]);
 
 impl Portable {
     #[inline(always)]
-    fn zip(self, other: Self, operation: impl Fn(i16, i16) -> i16) -> Self {
-        let mut result = self;
-        for (row, others) in result.0.iter_mut().zip(&other.0) {
-            for (value, other) in row.iter_mut().zip(others) {
-                *value = operation(*value, *other);
-            }
-        }
-        result
+    fn zip(self, other: Self, operation: impl Fn(i16, i16) -> i16 + Copy) -> Self {
+        let ([a, b, c, d], [e, f, g, h]) = (self.0, other.0);
+        Self([zip_row(a, e, operation), zip_row(b, f, operation), zip_row(c, g, operation), zip_row(d, h, operation)])
     }
+}
+
+/// One register's part.
+#[inline(always)]
+fn zip_row(one: [i16; COLUMNS], other: [i16; COLUMNS], operation: impl Fn(i16, i16) -> i16) -> [i16; COLUMNS] {
+    let mut result = [0; COLUMNS];
+    for column in 0..COLUMNS {
+        result[column] = operation(one[column], other[column]);
+    }
+    result
 }
 
 impl Block for Portable {

@@ -27,7 +27,7 @@ impl Vertices {
         let grid = *grid;
         for (((x, y), z), packed) in xs.iter().zip(ys).zip(zs).zip(&mut self.0) {
             let vertices = projector.vertices([x, y, z]);
-            for lane in 0..LANES {
+            for (lane, packed) in packed.iter_mut().enumerate() {
                 let [u, v] = [vertices.pixel[0][lane], vertices.pixel[1][lane]];
                 let [x, y] = [grid.place(0, u), grid.place(1, v)];
                 let is_far = !((u.abs() < FAR_PX) & (v.abs() < FAR_PX));
@@ -35,7 +35,7 @@ impl Vertices {
                 let place = x & 0xFFFF | y << 16;
                 let depth = grid.depth(vertices.depth_m[lane]) & 0xFFFF;
                 let state = vertices.state[lane] << 16 | if is_far { LOST } else { 0 } | if is_wide { WIDE } else { 0 };
-                packed[lane] = u64::from(place as u32) | u64::from((depth | state) as u32) << 32;
+                *packed = u64::from(place as u32) | u64::from((depth | state) as u32) << 32;
             }
         }
     }
