@@ -170,7 +170,7 @@ impl Plot {
             .draw()?;
         let limit = self.limit_ms;
         chart.draw_series(DashedLineSeries::new([(from, limit), (to, limit)], 2, 4, INK.into()))?;
-        chart.draw_series([Text::new("as fast as the rig turns", (from, limit * 0.97), ink(12))])?;
+        chart.draw_series([Text::new("as fast as the rig turns", (from, limit * 0.92), ink(12))])?;
         for Line { colour, is_hollow, points, .. } in &self.lines {
             chart.draw_series(LineSeries::new(points.iter().map(|(x, [_, middle, _])| (*x, *middle)), *colour))?;
             for (x, [lower, middle, upper]) in points {
