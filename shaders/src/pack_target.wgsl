@@ -2,11 +2,16 @@
 
 @group(0) @binding(7) var drawn: texture_2d_array<f32>;
 
-fn shown(slot: u32, pixel: vec2u) -> u32 {
+// Column, row and layer.
+fn source_of(slot: u32) -> vec3u {
+    let cells = batch.columns * batch.rows;
+    let cell = slot % cells;
+    return vec3u(cell % batch.columns * batch.width, cell / batch.columns * batch.height, slot / cells);
+}
+
+fn shown(source: vec3u, pixel: vec2u) -> u32 {
     if pixel.x >= batch.width {
         return 0u;
     }
-    let cells = batch.columns * batch.rows;
-    let cell = vec2u(slot % cells % batch.columns * batch.width, slot % cells / batch.columns * batch.height);
-    return u32(textureLoad(drawn, cell + pixel, slot / cells, 0).r * f32((1u << batch.words) - 1u) + 0.5);
+    return u32(textureLoad(drawn, source.xy + pixel, source.z, 0).r * f32((1u << batch.words) - 1u) + 0.5);
 }

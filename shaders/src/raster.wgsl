@@ -156,15 +156,26 @@ fn fill_small(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups)
     let biases = vec3i(bias(vec2i(down.x, across.x)), bias(vec2i(down.y, across.y)), bias(vec2i(down.z, across.z)));
     var starts = (down * vec3i(at_b.y, at_a.y, at_a.y) - across * vec3i(at_b.x, at_a.x, at_a.x) - biases) >> vec3u(8u);
     let instance = instances[id.z];
-    for (var y = drawn.low.y; y < drawn.high.y; y++) {
-        var edges = starts;
-        for (var x = drawn.low.x; x < drawn.high.x; x++) {
-            if all(edges >= vec3i(0)) {
-                put(drawn, instance, vec2i(x, y));
-            }
+    // First on to the next pixel inside, then that: so the invocations of a group, whose boxes differ, are at it together.
+    var pixel = vec2i(drawn.low.x - 1, drawn.low.y);
+    var edges = starts + across;
+    loop {
+        loop {
+            pixel.x += 1;
             edges -= across;
+            if pixel.x >= drawn.high.x {
+                pixel = vec2i(drawn.low.x, pixel.y + 1);
+                starts += down;
+                edges = starts;
+            }
+            if pixel.y >= drawn.high.y || all(edges >= vec3i(0)) {
+                break;
+            }
         }
-        starts += down;
+        if pixel.y >= drawn.high.y {
+            break;
+        }
+        put(drawn, instance, pixel);
     }
 }
 

@@ -79,7 +79,8 @@ impl Grid {
     /// Where slot `slot` begins in its layer: columns, and rows times 65,536.
     pub fn cell(self, slot: u32, [width, height]: [u32; 2]) -> u32 {
         let cell = slot % (self.columns * self.rows);
-        cell % self.columns * width | (cell / self.columns * height) << 16
+        let [column, row] = [cell % self.columns, cell / self.columns];
+        (column * width) | ((row * height) << 16)
     }
 
     /// As many of `slots` slots of `size` pixels in one layer as the device takes.
