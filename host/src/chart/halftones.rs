@@ -3,7 +3,7 @@
 use super::{Effort, Job, exposure, median, truth, view};
 use crate::measure::{compare, flicker};
 use crate::picture::Picture;
-use crate::render::clear::ClearRenderer;
+use crate::render::fast::FastRenderer;
 use crate::render::halftone::halftone_slices;
 use crate::render::plan::{Halftone, Plan, Projection};
 use crate::render::truth::Caster;
@@ -129,7 +129,7 @@ impl Bench {
         lit.sort_unstable();
         lit.dedup();
         let plan = Plan { halftone: Halftone::Grey, ..Plan::default() };
-        let grey = ClearRenderer.render_slices(job.scene, job.rig, &plan, &lit, &|| ())?;
+        let grey = FastRenderer::new().render_slices(job.scene, job.rig, &plan, &lit, &|| ())?;
         Ok(Self { grey, lit, exposure: exposure(job.rig), exposures, eyes, fine })
     }
 

@@ -2,7 +2,7 @@
 
 use super::{Effort, Job, exposure, median, truth, view};
 use crate::measure::compare;
-use crate::render::clear::ClearRenderer;
+use crate::render::fast::FastRenderer;
 use crate::render::plan::choose::predict;
 use crate::render::plan::cost::Work;
 use crate::render::plan::error::geometric_error;
@@ -108,7 +108,7 @@ pub fn measure(job: &Job<'_>, effort: Effort, done: &mut dyn FnMut(f64)) -> Resu
     for (index, (plan, (turn_ms, cut_ms))) in plans.iter().zip(times).enumerate() {
         let mesh = tessellate(job.scene, job.rig, plan)?;
         let error = geometric_error(&mesh, job.rig, plan, pairs);
-        let turn = ClearRenderer.render_slices(job.scene, job.rig, plan, &slices, &|| ())?;
+        let turn = FastRenderer::new().render_slices(job.scene, job.rig, plan, &slices, &|| ())?;
         let seen = see(job.rig, &turn, &view, exposures, Brightness::Divided, &|| ()).exposed(exposure(job.rig));
         let likeness = compare(&seen, &truth).ok();
         let predicted = predict(&mesh, job.rig, plan);
@@ -158,7 +158,7 @@ fn times(
         tessellate(job.scene, job.rig, plan)?;
         let cut_ms = start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
-        ClearRenderer.render_slices(job.scene, job.rig, plan, &spread(count), &|| ())?;
+        FastRenderer::new().render_slices(job.scene, job.rig, plan, &spread(count), &|| ())?;
         Ok((cut_ms, start.elapsed().as_secs_f64() * 1e3))
     };
     // Differences of medians: the difference of two single times may be anything where cutting takes most of both.

@@ -4,7 +4,6 @@ use super::{Failure, warn};
 use crate::machine::check_memory;
 use crate::picture::Picture;
 use crate::render::Renderer;
-use crate::render::clear::ClearRenderer;
 use crate::render::pick::{Asked, pick};
 use crate::render::plan::choose::{Budget, Choice, Fixed, PlanError, choose};
 use crate::render::plan::speed::ms_per_cost;
@@ -163,7 +162,7 @@ impl PlanArgs {
                 choice => planned(choice?, None),
             };
         };
-        let ms_per_cost = ms_per_cost(&ClearRenderer, scene, rig)?;
+        let ms_per_cost = ms_per_cost(scene, rig)?;
         let choice = self.with_budget(scene, rig, Budget::Cost(ms / ms_per_cost)).map_err(|error| match error {
             PlanError::TooFast { possible, fastest, .. } => {
                 PlanError::TooFast { asked: ms, possible: possible * ms_per_cost, fastest }

@@ -1,11 +1,9 @@
 //! `praxi bake`: one turn of a scene with the best halftone that time can buy, as a folder.
 
-use super::args::{PlanArgs, SceneArgs, progress};
+use super::args::{PlanArgs, RendererArgs, SceneArgs, progress};
 use super::{Failure, say, say_json, warn};
 use crate::bake::{Bake, Found};
 use crate::output::Folder;
-use crate::render::Renderer;
-use crate::render::clear::ClearRenderer;
 use crate::render::joint::SWEEPS;
 use crate::render::plan::{Halftone, Plan};
 use crate::rendered::{Method, Rotation, SceneNote, write};
@@ -28,6 +26,8 @@ pub(super) struct Args {
     out: PathBuf,
     #[command(flatten)]
     plan: PlanArgs,
+    #[command(flatten)]
+    renderer: RendererArgs,
     /// How often every slice is searched; after 4 times little moves
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000), default_value_t = SWEEPS)]
     sweeps: u32,
@@ -45,7 +45,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let chosen = args.plan.choose(&shaded, &rig)?.choice.chosen;
     let plan = Plan { halftone: Halftone::Grey, ..chosen.plan };
     let bar = progress("rendering slices", rig.rotation.slices.into());
-    let grey = ClearRenderer.render_turn(&shaded, &rig, &plan, &|| bar.inc(1))?;
+    let grey = args.renderer.open().render_turn(&shaded, &rig, &plan, &|| bar.inc(1))?;
     bar.finish_and_clear();
     let (mut bake, found) = Bake::begin(&rig, &grey, args.sweeps, &args.out)?;
     let [searched, slices] = bake.progress();

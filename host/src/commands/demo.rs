@@ -3,11 +3,10 @@
 mod pictures;
 mod show;
 
-use super::args::{DEFAULT_BUDGET_PX, progress};
+use super::args::{DEFAULT_BUDGET_PX, RendererArgs, progress};
 use super::{Failure, say, say_json, sim, warn};
 use crate::output::Folder;
 use crate::render::Renderer;
-use crate::render::clear::ClearRenderer;
 use crate::render::plan::Plan;
 use crate::render::plan::choose::{Budget, Fixed, choose};
 use crate::render::turn::Turn;
@@ -37,6 +36,8 @@ pub(super) struct Args {
     /// The folder to write; an earlier result of praxi is replaced
     #[arg(long, value_name = "DIR", default_value = "praxi-demo")]
     out: PathBuf,
+    #[command(flatten)]
+    renderer: RendererArgs,
     /// All noise of motor, sensors and projector follows from it
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -54,7 +55,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let folder = Folder::begin(&args.out)?;
     let lit = shade(&scene, Shading::Lambert, false);
     let plan = choose(&lit, &rig, Fixed::default(), Budget::Error(DEFAULT_BUDGET_PX))?.chosen.plan;
-    let turns = render(&scene, &rig, &plan)?;
+    let turns = render(args.renderer.open().as_ref(), &scene, &rig, &plan)?;
     let show = show::run(&rig, &turns, args.seed)?;
     let places = Places::new(&rig);
     let seen = pictures::write(&folder, &rig, &lit, &show, &turns[turns.len() - 1], &places)?;
@@ -97,12 +98,12 @@ fn load(args: &Args, rig: &Rig) -> Result<Scene, Failure> {
 }
 
 /// The turns that are streamed.
-fn render(scene: &Scene, rig: &Rig, plan: &Plan) -> Result<Vec<Turn>, Failure> {
+fn render(renderer: &dyn Renderer, scene: &Scene, rig: &Rig, plan: &Plan) -> Result<Vec<Turn>, Failure> {
     let bar = progress("rendering slices", u64::from(rig.rotation.slices) * SWING_DEG.len() as u64);
     let mut turns = Vec::new();
     for degrees in SWING_DEG {
         let lit = shade(&turned(scene, degrees), Shading::Lambert, false);
-        turns.push(ClearRenderer.render_turn(&lit, rig, plan, &|| bar.inc(1))?);
+        turns.push(renderer.render_turn(&lit, rig, plan, &|| bar.inc(1))?);
     }
     bar.finish_and_clear();
     Ok(turns)

@@ -2,7 +2,6 @@
 
 use super::args::{PlanArgs, SceneArgs, pixels};
 use super::{Failure, say, say_json};
-use crate::render::clear::ClearRenderer;
 use crate::render::plan::Plan;
 use crate::render::plan::choose::{Budget, Candidate, PlanError};
 use crate::render::plan::speed::ms_per_cost;
@@ -32,7 +31,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let chosen = planned.choice.chosen;
     let scale = match planned.ms_per_cost {
         Some(scale) => scale,
-        None => ms_per_cost(&ClearRenderer, &shaded, &rig)?,
+        None => ms_per_cost(&shaded, &rig)?,
     };
     // What half the error costs and what twice the error saves. That nothing reaches half of it is an answer too.
     let other = |px: f64| match args.plan.with_budget(&shaded, &rig, Budget::Error(px)) {

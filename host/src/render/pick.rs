@@ -8,6 +8,7 @@ use super::{Prepared, RenderError, Renderer, Wanted};
 use crate::scene::ShadedScene;
 use clap::ValueEnum;
 use protocol::rig::Rig;
+use std::path::Path;
 use std::sync::Once;
 
 /// Which renderer is asked for.
@@ -32,6 +33,9 @@ pub fn pick(asked: Asked, adapter: Option<&str>, notice: Notice) -> Box<dyn Rend
         return cpu();
     }
     let insists = asked == Asked::Gpu || adapter.is_some();
+    if !insists && !may_have_gpu() {
+        return cpu();
+    }
     match GpuRenderer::open(adapter, None) {
         Ok(gpu) if insists || !gpu.is_software() => Box::new(WithFallback::new(gpu, notice)),
         Ok(_) => cpu(),
@@ -42,6 +46,12 @@ pub fn pick(asked: Asked, adapter: Option<&str>, notice: Notice) -> Box<dyn Rend
             cpu()
         }
     }
+}
+
+/// Whether it is worth a third of a second to ask for a GPU: on Linux a real one has a device file.
+fn may_have_gpu() -> bool {
+    cfg!(not(target_os = "linux"))
+        || ["/dev/dri", "/dev/nvidiactl", "/dev/dxg"].iter().any(|file| Path::new(file).exists())
 }
 
 /// A GPU, and the CPU for what it cannot render or where it is lost.

@@ -42,6 +42,15 @@ impl Default for Plan {
     }
 }
 
+impl Plan {
+    /// Whether fixed point draws by it, as [`crate::render::fast`] does: straight pieces, each vertex in single precision.
+    pub fn is_for_fixed_point(&self) -> bool {
+        self.precision == Precision::Single
+            && matches!(self.edges, Edges::Straight | Edges::Uniform | Edges::Adaptive)
+            && self.depth == DepthTest::Linear
+    }
+}
+
 /// The name of a method as files and the command line have it.
 fn name(method: impl Serialize) -> String {
     serde_json::to_value(method).ok().and_then(|value| value.as_str().map(str::to_string)).unwrap_or_default()

@@ -80,6 +80,14 @@ impl Corners {
             let [across, down] = [0, 1].map(|axis| self.0[to][axis] - self.0[from][axis]);
             let owns_border = down < 0 || (down == 0 && across > 0);
             let value = self.edge(from, to, start) - i64::from(!owns_border);
+            // By how much the pixels of the block differ from the first one: most blocks are wholly inside or outside.
+            let spread = [-down * (COLUMNS as i64 - 1) * steps, across * (ROWS as i64 - 1) * steps];
+            if value + spread[0].max(0) + spread[1].max(0) < 0 {
+                return 0;
+            }
+            if value + spread[0].min(0) + spread[1].min(0) >= 0 {
+                continue;
+            }
             let mut inside = 0;
             for pixel in 0..ROWS * COLUMNS {
                 let [x, y] = [pixel % COLUMNS, pixel / COLUMNS].map(|offset| offset as i64 * steps);

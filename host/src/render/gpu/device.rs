@@ -52,7 +52,7 @@ impl Gpu {
         let part = wanted.unwrap_or_default().to_lowercase();
         let Some(index) = names.iter().position(|name| name.to_lowercase().contains(&part)) else {
             let found =
-                if names.is_empty() { "there is none".into() } else { format!("there are {}", names.join("; ")) };
+                if names.is_empty() { "there is none".into() } else { format!("there is {}", names.join("; ")) };
             return Err(GpuError::NoAdapter { wanted: wanted.map(str::to_string), found });
         };
         let (adapter, name) = (&adapters[index], names[index].clone());

@@ -95,9 +95,10 @@ fn panel_px(rig: &Rig) -> f64 {
     (0..rig.mirror.face.len()).map(area).sum()
 }
 
-/// Nanoseconds of one core for a turn by `plan`, without its halftone.
+/// Nanoseconds of one core for a turn by `plan` on the CPU, by a mask or without a halftone.
 ///
-/// The prices are a least-squares fit to the times of 480 turns by all methods on one machine; a chart's `predicted_ratio` beside its
+/// The prices are least-squares fits on one machine: of what fixed point draws, to six scenes by two models (`praxi bench --json` has
+/// `work` and `cores_ms`; within 0.8 to 1.2 of them), of the rest to the times of 480 turns. A chart's `predicted_ratio` beside its
 /// `ratio` shows how well they hold. Other machines differ by a factor that [`crate::render::plan::speed`] measures where milliseconds
 /// are asked for.
 pub fn turn_ns(plan: &Plan, work: &Work) -> f64 {
@@ -127,6 +128,16 @@ struct Prices {
 
 impl Prices {
     fn of(plan: &Plan) -> Self {
+        if plan.is_for_fixed_point() {
+            // By the table vertices in lanes go Newton's way, and promise no more than the table does.
+            let vertex = match plan.projection {
+                Projection::Planar => 2.0,
+                Projection::ConeNewton => 6.3,
+                Projection::ConeTable => 6.4,
+                Projection::ConeRoot => 7.3,
+            };
+            return Self { vertex, triangle: 8.0, tested: 0.041, filled: 0.0, panel: 0.0, image: 0.13 };
+        }
         let vertex = match (plan.projection, plan.precision) {
             (Projection::Planar, Precision::Single) => 30.0,
             (Projection::Planar, Precision::Double) => 31.0,
