@@ -71,31 +71,73 @@ fn centre(pixel: [i32; 2], grid: &Grid) -> [i64; 2] {
 }
 
 impl Corners {
+    /// The edge function from one corner to another of a triangle of positive area, not below 0 inside.
+    fn side(&self, from: usize, to: usize, grid: &Grid) -> Side {
+        let [across, down] = [0, 1].map(|axis| self.0[to][axis] - self.0[from][axis]);
+        let owns_border = down < 0 || (down == 0 && across > 0);
+        let steps = i64::from(grid.steps());
+        Side { less: i64::from(!owns_border), growth: [-down * steps, across * steps] }
+    }
+
     /// Bit by bit, which pixels of the block at `place` a triangle of positive area covers.
     pub fn covered(&self, place: [i32; 2], grid: &Grid) -> u32 {
         let start = centre(place, grid);
-        let steps = i64::from(grid.steps());
         let mut covered = u32::MAX;
-        for (from, to) in [(1, 2), (2, 0), (0, 1)] {
-            let [across, down] = [0, 1].map(|axis| self.0[to][axis] - self.0[from][axis]);
-            let owns_border = down < 0 || (down == 0 && across > 0);
-            let value = self.edge(from, to, start) - i64::from(!owns_border);
-            // By how much the pixels of the block differ from the first one: most blocks are wholly inside or outside.
-            let spread = [-down * (COLUMNS as i64 - 1) * steps, across * (ROWS as i64 - 1) * steps];
-            if value + spread[0].max(0) + spread[1].max(0) < 0 {
-                return 0;
-            }
-            if value + spread[0].min(0) + spread[1].min(0) >= 0 {
+        for (from, to) in EDGES {
+            let side = self.side(from, to, grid);
+            let value = self.edge(from, to, start) - side.less;
+            // Most blocks are wholly inside.
+            if value + side.least() >= 0 {
                 continue;
             }
             let mut inside = 0;
             for pixel in 0..ROWS * COLUMNS {
-                let [x, y] = [pixel % COLUMNS, pixel / COLUMNS].map(|offset| offset as i64 * steps);
-                inside |= u32::from(value - down * x + across * y >= 0) << pixel;
+                let [x, y] = [pixel % COLUMNS, pixel / COLUMNS].map(|offset| offset as i64);
+                inside |= u32::from(value + side.growth[0] * x + side.growth[1] * y >= 0) << pixel;
             }
             covered &= inside;
         }
         covered
+    }
+
+    /// The first and the last of `columns` blocks side by side, the first one at `place`, that a triangle of positive area may cover some of.
+    pub fn span(&self, place: [i32; 2], columns: i32, grid: &Grid) -> [i32; 2] {
+        let start = centre(place, grid);
+        let [mut first, mut last] = [0, i64::from(columns) - 1];
+        for (from, to) in EDGES {
+            let side = self.side(from, to, grid);
+            let most = self.edge(from, to, start) - side.less + side.most();
+            let growth = side.growth[0] * COLUMNS as i64;
+            match growth {
+                0 if most < 0 => return [0, -1],
+                0 => {}
+                1.. => first = first.max(-most.div_euclid(growth)),
+                _ => last = last.min(most.div_euclid(-growth)),
+            }
+        }
+        [first.min(i64::from(columns)) as i32, last.max(-1) as i32]
+    }
+}
+
+const EDGES: [(usize, usize); 3] = [(1, 2), (2, 0), (0, 1)];
+
+/// An edge function.
+struct Side {
+    /// What is taken off where the border belongs to the neighbour.
+    less: i64,
+    /// From pixel to pixel, across and down.
+    growth: [i64; 2],
+}
+
+impl Side {
+    /// By how much it is larger in a block than at its first pixel, at most.
+    fn most(&self) -> i64 {
+        self.growth[0].max(0) * (COLUMNS as i64 - 1) + self.growth[1].max(0) * (ROWS as i64 - 1)
+    }
+
+    /// The same, at least.
+    fn least(&self) -> i64 {
+        self.growth[0].min(0) * (COLUMNS as i64 - 1) + self.growth[1].min(0) * (ROWS as i64 - 1)
     }
 }
 

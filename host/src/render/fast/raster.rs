@@ -210,6 +210,7 @@ impl<S: Surface> Painter<'_, '_, S> {
     }
 
     /// A triangle that the arithmetic of [`Setup`] is too narrow for.
+    #[inline(always)]
     fn wide<B: Block>(&mut self, index: usize) {
         let Scene { figure, grid, .. } = self.scene;
         let mut vertices = figure.mesh.triangles[index].corners.map(|corner| (self.view.corner)(corner));
@@ -239,7 +240,8 @@ impl<S: Surface> Painter<'_, '_, S> {
         }
         let corners = Corners(vertices.map(|[x, y, _]| [x, y]));
         for row in 0..blocks.rows {
-            for column in 0..blocks.columns {
+            let [first, last] = corners.span(blocks.at([0, row * ROWS as i32]), blocks.columns, grid);
+            for column in first..=last {
                 let offset = [column * COLUMNS as i32, row * ROWS as i32];
                 let covered = corners.covered(blocks.at(offset), grid);
                 if covered != 0 {
