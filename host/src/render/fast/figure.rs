@@ -1,8 +1,10 @@
 //! A mesh laid out for many vertices and triangles at once.
 
 use super::super::mesh::{Mesh, Triangle};
+use super::picture::{Picture, Pictures, Skin};
 use super::solids::solids;
-use crate::scene::luminance;
+use crate::scene::{Texture, luminance};
+use std::sync::Arc;
 
 /// Triangles that are worked on together.
 pub const LANES: usize = 16;
@@ -21,12 +23,18 @@ pub enum Ink {
     Flat(i16),
     /// By its corners, in parts of [`WHITE`].
     Smooth([f32; 3]),
-    /// By a texture, or beyond black and white: computed for every pixel.
+    /// By one of [`Figure::skins`].
+    Textured(u32),
+    /// By a texture in many tints, or beyond black and white: computed for every pixel as the clear renderer does.
     Shaded,
 }
 
 impl Ink {
-    fn new(triangle: &Triangle) -> Self {
+    fn new(triangle: &Triangle, skins: &mut Skins<'_>) -> Self {
+        if let Some(skin) = skins.pictures.skin(triangle, skins.textures) {
+            skins.all.push(skin);
+            return Self::Textured(skins.all.len() as u32 - 1);
+        }
         let corners = triangle.radiance.map(luminance);
         if triangle.texture.is_some() || corners.iter().any(|value| !(0.0..=1.0).contains(value)) {
             return Self::Shaded;
@@ -43,6 +51,13 @@ pub fn level(luminance: f32) -> i16 {
     (luminance * WHITE).ceil().clamp(0.0, WHITE - 1.0) as i16
 }
 
+/// What is found of textures on the way through a mesh.
+struct Skins<'a> {
+    textures: &'a [Arc<Texture>],
+    pictures: Pictures,
+    all: Vec<Skin>,
+}
+
 /// A mesh in lanes.
 pub struct Figure {
     /// As it came.
@@ -53,6 +68,10 @@ pub struct Figure {
     corners: [Vec<[u32; LANES]>; 3],
     /// What leaves each triangle.
     pub inks: Vec<Ink>,
+    /// How triangles with a texture show it.
+    pub skins: Vec<Skin>,
+    /// What they show.
+    pub pictures: Vec<Picture>,
     /// Bit by bit, which triangles of each group of [`LANES`] belong to solids, of which only the front is seen.
     pub solid: Vec<u32>,
     /// The same, which triangles have a flat ink.
@@ -64,8 +83,8 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// `mesh` in lanes.
-    pub fn new(mesh: Mesh) -> Self {
+    /// `mesh` in lanes, with the scene's textures.
+    pub fn new(mesh: Mesh, textures: &[Arc<Texture>]) -> Self {
         let axis = |axis: usize| {
             let values = mesh.positions.iter().map(|position| position[axis] as f32);
             lanes(values)
@@ -74,7 +93,8 @@ impl Figure {
         let vertices = mesh.positions.len() as u32;
         assert!(mesh.triangles.iter().all(|triangle| triangle.corners.iter().all(|corner| *corner < vertices)));
         let solid = solids(&mesh);
-        let inks: Vec<_> = mesh.triangles.iter().map(Ink::new).collect();
+        let mut skins = Skins { textures, pictures: Pictures::new(textures.len()), all: Vec::new() };
+        let inks: Vec<_> = mesh.triangles.iter().map(|triangle| Ink::new(triangle, &mut skins)).collect();
         let flat: Vec<_> = inks.iter().map(|ink| matches!(ink, Ink::Flat(_))).collect();
         let luminance = |ink: &Ink| if let Ink::Flat(luminance) = ink { *luminance } else { 0 };
         let bits = |group: &[bool]| (0..).zip(group).map(|(lane, solid)| u32::from(*solid) << lane).sum();
@@ -86,6 +106,8 @@ impl Figure {
             flat: flat.chunks(LANES).map(bits).collect(),
             luminances: lanes(inks.iter().map(luminance)),
             inks,
+            skins: skins.all,
+            pictures: skins.pictures.all,
             // Where there is nothing, or nothing but the origin, any scale of depths will do.
             radius_m: if radius_m > 0.0 { radius_m } else { 1.0 },
             mesh,

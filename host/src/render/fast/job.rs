@@ -69,7 +69,7 @@ impl<'a> Job<'a> {
             scene,
             rig: rig.clone(),
             halftone: plan.halftone,
-            figure: Figure::new(tessellate(scene, rig, plan)?),
+            figure: Figure::new(tessellate(scene, rig, plan)?, &scene.textures),
             faces: (0..rig.mirror.face.len()).map(optics).collect(),
             rooms: Mutex::default(),
         })

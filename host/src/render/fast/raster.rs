@@ -1,10 +1,11 @@
 //! Triangles to pixels, block by block.
 
-use super::block::{Block, COLUMNS, ROWS};
-use super::cover::{Blocks, Corners, Covered, Slope, outside_of_first};
-use super::figure::{Figure, Ink, LANES, level};
-use super::grid::Grid;
+use super::block::{Block, CENTRE, COLUMNS, PIXELS, ROWS};
+use super::cover::{Blocks, Corners, Covered, Slope, Weights, outside_of_first};
+use super::figure::{Figure, Ink, LANES, WHITE, level};
+use super::grid::{Grid, rounded};
 use super::panel::Panel;
+use super::picture::Picture;
 use super::setup::Setup;
 use super::surface::Surface;
 use super::vertices::Vertices;
@@ -142,7 +143,24 @@ fn plain_triangle<B: Block, S: Surface>(setup: &Setup, lane: usize, luminance: i
 enum Paint<'a> {
     Flat(i16),
     Smooth(Slope),
+    /// Places in the picture, and what its luminances are multiplied by.
+    Textured(&'a Picture, [Slope; 2], Slope),
     Shaded(&'a Corners, usize),
+}
+
+/// The paint of triangle `index` by its ink, on blocks from the one at `first` on.
+fn paint<'a>(scene: &'a Scene<'_>, corners: &'a Corners, ink: Ink, first: [i32; 2], index: usize) -> Paint<'a> {
+    let weights = || Weights::new(corners, first, &scene.grid);
+    match ink {
+        Ink::Flat(luminance) => Paint::Flat(luminance),
+        Ink::Smooth(luminances) => Paint::Smooth(weights().slope(luminances)),
+        Ink::Textured(skin) => {
+            let (weights, skin) = (weights(), &scene.figure.skins[skin as usize]);
+            let places = [weights.slope(skin.places[0]), weights.slope(skin.places[1])];
+            Paint::Textured(&scene.figure.pictures[skin.picture as usize], places, weights.slope(skin.gains))
+        }
+        Ink::Shaded => Paint::Shaded(corners, index),
+    }
 }
 
 struct Painter<'a, 'b, S> {
@@ -162,19 +180,11 @@ impl<S: Surface> Painter<'_, '_, S> {
         let turned = setup.turned[lane] != 0;
         let order = if turned { [0, 2, 1] } else { [0, 1, 2] };
         let corners = Corners(order.map(|corner| [setup.x[corner][lane].into(), setup.y[corner][lane].into()]));
-        let paint = self.paint(&corners, ink, blocks.first, index);
+        let paint = paint(self.scene, &corners, ink, blocks.first, index);
         let depth = setup.depth_of(lane);
         let mut covered = Covered::<B>::new(setup, lane, &blocks);
         while let Some((offset, outside)) = covered.next() {
             self.lay(blocks.at(offset), offset, outside, &depth, &paint);
-        }
-    }
-
-    fn paint<'c>(&self, corners: &'c Corners, ink: Ink, first: [i32; 2], index: usize) -> Paint<'c> {
-        match ink {
-            Ink::Flat(luminance) => Paint::Flat(luminance),
-            Ink::Smooth(luminances) => Paint::Smooth(Slope::new(corners, luminances, first, &self.scene.grid)),
-            Ink::Shaded => Paint::Shaded(corners, index),
         }
     }
 
@@ -188,6 +198,10 @@ impl<S: Surface> Painter<'_, '_, S> {
         let luminance = match paint {
             Paint::Flat(luminance) => B::splat(*luminance),
             Paint::Smooth(slope) => slope.block(offset, slope.offsets::<B>()),
+            Paint::Textured(picture, places, gain) => {
+                let open = self.surface.open(place, outside, depth);
+                B::from_array(&sampled(picture, places, gain, offset, open))
+            }
             Paint::Shaded(corners, index) => {
                 let open = self.surface.open(place, outside, depth);
                 B::from_array(&self.shade(place, open, corners, *index))
@@ -197,11 +211,9 @@ impl<S: Surface> Painter<'_, '_, S> {
     }
 
     /// The luminance of the pixels of a block whose bits are set in `open`.
-    fn shade(&self, [x, y]: [i32; 2], mut open: u32, corners: &Corners, index: usize) -> [i16; ROWS * COLUMNS] {
-        let mut luminances = [0; ROWS * COLUMNS];
-        while open != 0 {
-            let pixel = open.trailing_zeros() as usize;
-            open &= open - 1;
+    fn shade(&self, [x, y]: [i32; 2], open: u32, corners: &Corners, index: usize) -> [i16; PIXELS] {
+        let mut luminances = [0; PIXELS];
+        for pixel in lanes(open) {
             let place = [x + (pixel % COLUMNS) as i32, y + (pixel / COLUMNS) as i32];
             let weights = corners.weights(place, &self.scene.grid);
             luminances[pixel] = level(shade(&self.scene.figure.mesh.triangles[index], self.scene.textures, weights));
@@ -232,8 +244,8 @@ impl<S: Surface> Painter<'_, '_, S> {
         }
         let blocks = Blocks::new([columns[0], rows[0]], [columns[1], rows[1]]);
         self.touched.add(blocks.first, blocks.end());
-        let depth = Slope::new(&unturned, vertices.map(|[.., depth]| depth as f32), blocks.first, grid);
-        let paint = self.paint(&unturned, figure.inks[index], blocks.first, index);
+        let depth = Weights::new(&unturned, blocks.first, grid).slope(vertices.map(|[.., depth]| depth as f32));
+        let paint = paint(self.scene, &unturned, figure.inks[index], blocks.first, index);
         if area < 0 {
             vertices.swap(1, 2);
         }
@@ -248,4 +260,18 @@ impl<S: Surface> Painter<'_, '_, S> {
             }
         }
     }
+}
+
+/// The luminance of the pixels whose bits are set in `open`, of the block that lies `offset` from the first.
+#[inline(always)]
+fn sampled(picture: &Picture, places: &[Slope; 2], gain: &Slope, offset: [i32; 2], open: u32) -> [i16; PIXELS] {
+    let mut luminances = [0; PIXELS];
+    for pixel in lanes(open) {
+        let column = offset[0] + (pixel % COLUMNS) as i32 - CENTRE[0];
+        let row = offset[1] + (pixel / COLUMNS) as i32 - CENTRE[1];
+        let at = [column, row];
+        let luminance = picture.sample([places[0].at(at), places[1].at(at)]) * gain.at(at);
+        luminances[pixel] = rounded(luminance.clamp(0.0, WHITE - 1.0)) as i16;
+    }
+    luminances
 }
