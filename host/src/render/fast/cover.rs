@@ -126,7 +126,7 @@ impl Blocks {
 
     /// Those of a triangle that is drawn.
     #[inline(always)]
-    pub fn of(setup: &Setup, lane: usize) -> Self {
+    pub fn of<const N: usize>(setup: &Setup<N>, lane: usize) -> Self {
         let (first, last) = (&setup.first, &setup.last);
         Self::new([first[0][lane], first[1][lane]], [last[0][lane], last[1][lane]])
     }
@@ -162,7 +162,7 @@ pub struct Covered<B> {
 impl<B: Block> Covered<B> {
     /// Those of `blocks`, all that the triangle lies in.
     #[inline(always)]
-    pub fn new(setup: &Setup, lane: usize, blocks: &Blocks) -> Self {
+    pub fn new<const N: usize>(setup: &Setup<N>, lane: usize, blocks: &Blocks) -> Self {
         let row = [setup.edges[0][lane], setup.edges[1][lane], setup.edges[2][lane]];
         let across = [setup.across[0][lane], setup.across[1][lane], setup.across[2][lane]];
         let down = [setup.down[0][lane], setup.down[1][lane], setup.down[2][lane]];
@@ -206,7 +206,7 @@ impl<B: Block> Covered<B> {
 
 /// Where a triangle that the first block holds is outside.
 #[inline(always)]
-pub fn outside_of_first<B: Block>(setup: &Setup, lane: usize) -> B {
+pub fn outside_of_first<B: Block, const N: usize>(setup: &Setup<N>, lane: usize) -> B {
     let values = [setup.edges[0][lane], setup.edges[1][lane], setup.edges[2][lane]];
     let (across, down) = (&setup.across, &setup.down);
     outside(

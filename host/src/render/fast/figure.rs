@@ -73,11 +73,11 @@ pub struct Figure {
     /// What they show.
     pub pictures: Vec<Picture>,
     /// Bit by bit, which triangles of each group of [`LANES`] belong to solids, of which only the front is seen.
-    pub solid: Vec<u32>,
+    solid: Vec<u32>,
     /// The same, which triangles have a flat ink.
-    pub flat: Vec<u32>,
+    flat: Vec<u32>,
     /// Luminances of flat inks.
-    pub luminances: Vec<[i16; LANES]>,
+    pub luminances: Vec<i16>,
     /// The distance of the farthest vertex from the origin in metres: no depth is beyond it.
     pub radius_m: f32,
 }
@@ -104,7 +104,7 @@ impl Figure {
             corners: [0, 1, 2].map(corner),
             solid: solid.chunks(LANES).map(bits).collect(),
             flat: flat.chunks(LANES).map(bits).collect(),
-            luminances: lanes(inks.iter().map(luminance)),
+            luminances: inks.iter().map(luminance).collect(),
             inks,
             skins: skins.all,
             pictures: skins.pictures.all,
@@ -119,15 +119,27 @@ impl Figure {
         self.mesh.positions.len()
     }
 
-    /// How many groups of [`LANES`] triangles there are.
-    pub fn groups(&self) -> usize {
-        self.solid.len()
+    /// How many groups of `N` triangles there are. `N` divides [`LANES`].
+    pub fn groups<const N: usize>(&self) -> usize {
+        self.solid.len() * (LANES / N)
     }
 
-    /// The first, second or third corners of the triangles, group by group; all below [`Figure::vertices`].
+    /// Bit by bit, which triangles of a group of `N` belong to solids, of which only the front is seen. Bits beyond mean nothing.
     #[inline(always)]
-    pub fn corners(&self, corner: usize) -> &[[u32; LANES]] {
-        &self.corners[corner]
+    pub fn solids<const N: usize>(&self, group: usize) -> u32 {
+        self.solid[group / (LANES / N)] >> (group % (LANES / N) * N)
+    }
+
+    /// The same, which have a flat ink.
+    #[inline(always)]
+    pub fn flats<const N: usize>(&self, group: usize) -> u32 {
+        self.flat[group / (LANES / N)] >> (group % (LANES / N) * N)
+    }
+
+    /// The first, second or third corners of a group of `N` triangles; all below [`Figure::vertices`].
+    #[inline(always)]
+    pub fn corners<const N: usize>(&self, corner: usize, group: usize) -> &[u32; N] {
+        &self.corners[corner].as_flattened().as_chunks().0[group]
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::block::{Block, CENTRE, COLUMNS, PIXELS, ROWS};
 use super::cover::{Blocks, Corners, Covered, Slope, Weights, outside_of_first};
-use super::figure::{Figure, Ink, LANES, WHITE, level};
+use super::figure::{Figure, Ink, WHITE, level};
 use super::grid::{Grid, rounded};
 use super::panel::Panel;
 use super::picture::Picture;
@@ -64,7 +64,7 @@ impl Touched {
 
 /// Draws one face of a slice.
 #[inline(always)]
-pub fn draw<B: Block, S: Surface>(
+pub fn draw<B: Block, const N: usize, S: Surface>(
     scene: &Scene<'_>,
     view: &View<'_>,
     vertices: &Vertices,
@@ -72,16 +72,16 @@ pub fn draw<B: Block, S: Surface>(
     surface: &mut S,
     touched: &mut Touched,
 ) {
-    let mut setup = Setup::new();
-    for group in 0..scene.figure.groups() {
+    let mut setup = Setup::<N>::new();
+    for group in 0..scene.figure.groups::<N>() {
         setup.prepare::<B>(scene.figure, vertices, &scene.grid, view.front, group);
         let cut = if view.is_shared { u32::MAX } else { setup.rim };
-        let plain = setup.drawn & scene.figure.flat[group] & !cut;
+        let plain = setup.drawn & scene.figure.flats::<N>(group) & !cut;
         for lane in lanes(plain & setup.small) {
-            small_triangle::<B, S>(&setup, lane, scene.figure.luminances[group][lane], surface);
+            small_triangle::<B, N, S>(&setup, lane, scene.figure.luminances[group * N + lane], surface);
         }
         for lane in lanes(plain & !setup.small) {
-            plain_triangle::<B, S>(&setup, lane, scene.figure.luminances[group][lane], surface);
+            plain_triangle::<B, N, S>(&setup, lane, scene.figure.luminances[group * N + lane], surface);
         }
         let others = setup.drawn & !plain;
         if others | setup.wide == 0 {
@@ -90,11 +90,11 @@ pub fn draw<B: Block, S: Surface>(
         let mut painter = Painter { scene, view, panel, surface, touched, is_cut: false };
         for lane in lanes(others) {
             painter.is_cut = cut >> lane & 1 != 0;
-            painter.triangle::<B>(&setup, lane, group * LANES + lane);
+            painter.triangle::<B, N>(&setup, lane, group * N + lane);
         }
         for lane in lanes(setup.wide) {
             painter.is_cut = cut >> lane & 1 != 0;
-            painter.wide::<B>(group * LANES + lane);
+            painter.wide::<B>(group * N + lane);
         }
     }
     let [first, last] = setup.touched();
@@ -114,8 +114,13 @@ fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
 
 /// Lays one luminance on a triangle that one block holds.
 #[inline(always)]
-fn small_triangle<B: Block, S: Surface>(setup: &Setup, lane: usize, luminance: i16, surface: &mut S) {
-    let outside = outside_of_first::<B>(setup, lane);
+fn small_triangle<B: Block, const N: usize, S: Surface>(
+    setup: &Setup<N>,
+    lane: usize,
+    luminance: i16,
+    surface: &mut S,
+) {
+    let outside = outside_of_first::<B, N>(setup, lane);
     let value = B::splat(setup.rounded_depth[0][lane] as i16);
     let across = B::splat(setup.rounded_depth[1][lane] as i16).mul(B::columns());
     let down = B::splat(setup.rounded_depth[2][lane] as i16).mul(B::rows());
@@ -129,7 +134,12 @@ fn small_triangle<B: Block, S: Surface>(setup: &Setup, lane: usize, luminance: i
 
 /// Lays one luminance on a triangle.
 #[inline(always)]
-fn plain_triangle<B: Block, S: Surface>(setup: &Setup, lane: usize, luminance: i16, surface: &mut S) {
+fn plain_triangle<B: Block, const N: usize, S: Surface>(
+    setup: &Setup<N>,
+    lane: usize,
+    luminance: i16,
+    surface: &mut S,
+) {
     let blocks = Blocks::of(setup, lane);
     let depth = setup.depth_of(lane);
     let offsets: B = depth.offsets();
@@ -174,7 +184,7 @@ struct Painter<'a, 'b, S> {
 
 impl<S: Surface> Painter<'_, '_, S> {
     #[inline(always)]
-    fn triangle<B: Block>(&mut self, setup: &Setup, lane: usize, index: usize) {
+    fn triangle<B: Block, const N: usize>(&mut self, setup: &Setup<N>, lane: usize, index: usize) {
         let ink = self.scene.figure.inks[index];
         let blocks = Blocks::of(setup, lane);
         let turned = setup.turned[lane] != 0;
@@ -227,8 +237,7 @@ impl<S: Surface> Painter<'_, '_, S> {
         let mut vertices = figure.mesh.triangles[index].corners.map(|corner| (self.view.corner)(corner));
         let unturned = Corners(vertices.map(|[x, y, _]| [x, y]));
         let area = unturned.edge(0, 1, unturned.0[2]);
-        let is_back =
-            figure.solid[index / LANES] >> (index % LANES) & 1 != 0 && area.signum() * i64::from(self.view.front) < 0;
+        let is_back = figure.solids::<1>(index) & 1 != 0 && area.signum() * i64::from(self.view.front) < 0;
         let reach = |axis: usize| {
             let [low, high] = [i64::min, i64::max]
                 .map(|pick| vertices.map(|vertex| vertex[axis]).into_iter().reduce(pick).unwrap_or(0));
