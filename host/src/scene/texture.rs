@@ -111,25 +111,22 @@ impl Texture {
 
 /// The two texels beside a coordinate along an axis, and how far it lies from the first toward the second.
 fn neighbours(coordinate: f32, count: u32, wrap: Wrap) -> (u32, u32, f32) {
-    // Two periods are one period of the mirrored picture; large coordinates lose their digits but stay in range.
+    // Large coordinates lose their digits but stay in range.
     let inside = match wrap {
-        Wrap::Clamp => coordinate.clamp(0.0, 1.0),
-        Wrap::Repeat | Wrap::Mirror => coordinate.rem_euclid(2.0),
-    };
-    let x = inside * count as f32 - 0.5;
-    let first = x.floor();
-    (wrapped(first as i64, count, wrap), wrapped(first as i64 + 1, count, wrap), x - first)
-}
-
-fn wrapped(index: i64, count: u32, wrap: Wrap) -> u32 {
-    let count = i64::from(count);
-    let index = match wrap {
-        Wrap::Repeat => index.rem_euclid(count),
-        Wrap::Clamp => index.clamp(0, count - 1),
+        Wrap::Clamp => coordinate,
+        Wrap::Repeat => coordinate - coordinate.floor(),
         Wrap::Mirror => {
-            let index = index.rem_euclid(2 * count);
-            index.min(2 * count - 1 - index)
+            let inside = coordinate - 2.0 * (coordinate / 2.0).floor();
+            inside.min(2.0 - inside)
         }
     };
-    index as u32
+    // Of no number at all, a cast makes 0.
+    let x = inside.clamp(0.0, 1.0) * count as f32 + 0.5;
+    let after = (x as u32).min(count);
+    let fraction = x - after as f32;
+    // Beyond a border lies the other one, or, where it is mirrored, itself.
+    let [beyond_first, beyond_last] = if wrap == Wrap::Repeat { [count - 1, 0] } else { [0, count - 1] };
+    let first = if after == 0 { beyond_first } else { after - 1 };
+    let second = if after == count { beyond_last } else { after };
+    (first, second, fraction)
 }

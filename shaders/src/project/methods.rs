@@ -49,9 +49,11 @@ pub trait Real: Float + Send + Sync + core::fmt::Debug + 'static {
 impl Real for f32 {
     const TOLERANCE_PX: f64 = 5e-3;
 
+    #[inline(always)]
     fn of(value: f64) -> Self {
         value as Self
     }
+    #[inline(always)]
     fn wide(self) -> f64 {
         self.into()
     }
@@ -60,9 +62,11 @@ impl Real for f32 {
 impl Real for f64 {
     const TOLERANCE_PX: f64 = 1e-7;
 
+    #[inline(always)]
     fn of(value: f64) -> Self {
         value
     }
+    #[inline(always)]
     fn wide(self) -> f64 {
         self
     }

@@ -3,8 +3,6 @@
 #[cfg(target_arch = "x86_64")]
 pub mod x86;
 
-use super::figure::LANES;
-
 /// Columns of a block.
 pub const COLUMNS: usize = 8;
 /// Rows of a block.
@@ -58,13 +56,13 @@ pub trait Block: Copy {
     fn above(self, other: Self) -> Self;
 
     /// Sets the bits of the lanes with negative numbers.
-    fn negative_lanes(lanes: &[i32; LANES]) -> u32;
+    fn negative_lanes<const N: usize>(lanes: &[i32; N]) -> u32;
     /// The numbers of `table` at `indices`.
     ///
     /// # Safety
     /// All of them must be below the table's length.
     #[allow(unsafe_code)]
-    unsafe fn gather(table: &[u64], indices: &[u32; LANES]) -> [u64; LANES];
+    unsafe fn gather<const N: usize>(table: &[u64], indices: &[u32; N]) -> [u64; N];
 
     /// Columns from the centre.
     #[inline(always)]
@@ -181,8 +179,8 @@ impl Block for Portable {
     }
 
     #[inline(always)]
-    fn negative_lanes(lanes: &[i32; LANES]) -> u32 {
-        let mut parts = [0; LANES];
+    fn negative_lanes<const N: usize>(lanes: &[i32; N]) -> u32 {
+        let mut parts = [0; N];
         for (lane, part) in parts.iter_mut().enumerate() {
             *part = (lanes[lane] as u32 >> 31) << lane;
         }
@@ -191,8 +189,8 @@ impl Block for Portable {
 
     #[inline(always)]
     #[allow(unsafe_code)]
-    unsafe fn gather(table: &[u64], indices: &[u32; LANES]) -> [u64; LANES] {
-        let mut values = [0; LANES];
+    unsafe fn gather<const N: usize>(table: &[u64], indices: &[u32; N]) -> [u64; N] {
+        let mut values = [0; N];
         for (value, index) in values.iter_mut().zip(indices) {
             // SAFETY: the caller's.
             *value = unsafe { *table.get_unchecked(*index as usize) };

@@ -16,21 +16,10 @@ pub struct Slope {
 }
 
 impl Slope {
-    /// By its values at the corners of a triangle.
-    pub fn new(triangle: &Corners, values: [f32; 3], at: [i32; 2], grid: &Grid) -> Self {
-        let steps = f64::from(grid.steps());
-        let arm = |corner: usize| {
-            let [x, y] = [0, 1].map(|axis| (triangle.0[corner][axis] - triangle.0[0][axis]) as f64 / steps);
-            [x, y, f64::from(values[corner] - values[0])]
-        };
-        let ([bx, by, bz], [cx, cy, cz]) = (arm(1), arm(2));
-        let area = bx * cy - by * cx;
-        let (across, down) = ((bz * cy - cz * by) / area, (cz * bx - bz * cx) / area);
-        let [x, y] = [0, 1].map(|axis| {
-            let centre = f64::from(at[axis] + CENTRE[axis] - grid.origin[axis]) + 0.5;
-            centre - triangle.0[0][axis] as f64 / steps
-        });
-        Self { value: (f64::from(values[0]) + across * x + down * y) as f32, across: across as f32, down: down as f32 }
+    /// `columns` and `rows` from the centre of the first block.
+    #[inline(always)]
+    pub fn at(&self, [columns, rows]: [i32; 2]) -> f32 {
+        self.value + self.across * columns as f32 + self.down * rows as f32
     }
 
     /// By how much it differs from that at its centre in the pixels of any block.
@@ -41,8 +30,39 @@ impl Slope {
 
     /// Over the block that lies `columns` and `rows` from the first.
     #[inline(always)]
-    pub fn block<B: Block>(&self, [columns, rows]: [i32; 2], offsets: B) -> B {
-        B::splat(wrapped(self.value + self.across * columns as f32 + self.down * rows as f32)).add(offsets)
+    pub fn block<B: Block>(&self, offset: [i32; 2], offsets: B) -> B {
+        B::splat(wrapped(self.at(offset))).add(offsets)
+    }
+}
+
+/// How the weights of a triangle's second and third corners grow over the image.
+pub struct Weights([[f64; 3]; 2]);
+
+impl Weights {
+    /// Of `triangle`, from the centre of the block at `at`.
+    pub fn new(triangle: &Corners, at: [i32; 2], grid: &Grid) -> Self {
+        let steps = f64::from(grid.steps());
+        let origin = triangle.0[0];
+        let arm = |corner: usize| [0, 1].map(|axis| (triangle.0[corner][axis] - origin[axis]) as f64 / steps);
+        let ([bx, by], [cx, cy]) = (arm(1), arm(2));
+        let per_area = 1.0 / (bx * cy - by * cx);
+        let [x, y] = [0, 1].map(|axis| {
+            let centre = f64::from(at[axis] + CENTRE[axis] - grid.origin[axis]) + 0.5;
+            centre - origin[axis] as f64 / steps
+        });
+        let weight = |across: f64, down: f64| {
+            let (across, down) = (across * per_area, down * per_area);
+            [across * x + down * y, across, down]
+        };
+        Self([weight(cy, -cx), weight(-by, bx)])
+    }
+
+    /// What has `values` at the corners.
+    pub fn slope(&self, values: [f32; 3]) -> Slope {
+        let [second, third] = self.0;
+        let [one, other] = [values[1] - values[0], values[2] - values[0]].map(f64::from);
+        let [value, across, down] = [0, 1, 2].map(|part| (second[part] * one + third[part] * other) as f32);
+        Slope { value: values[0] + value, across, down }
     }
 }
 
@@ -156,7 +176,7 @@ impl Blocks {
 
     /// Those of a triangle that is drawn.
     #[inline(always)]
-    pub fn of(setup: &Setup, lane: usize) -> Self {
+    pub fn of<const N: usize>(setup: &Setup<N>, lane: usize) -> Self {
         let (first, last) = (&setup.first, &setup.last);
         Self::new([first[0][lane], first[1][lane]], [last[0][lane], last[1][lane]])
     }
@@ -192,7 +212,7 @@ pub struct Covered<B> {
 impl<B: Block> Covered<B> {
     /// Those of `blocks`, all that the triangle lies in.
     #[inline(always)]
-    pub fn new(setup: &Setup, lane: usize, blocks: &Blocks) -> Self {
+    pub fn new<const N: usize>(setup: &Setup<N>, lane: usize, blocks: &Blocks) -> Self {
         let row = [setup.edges[0][lane], setup.edges[1][lane], setup.edges[2][lane]];
         let across = [setup.across[0][lane], setup.across[1][lane], setup.across[2][lane]];
         let down = [setup.down[0][lane], setup.down[1][lane], setup.down[2][lane]];
@@ -236,7 +256,7 @@ impl<B: Block> Covered<B> {
 
 /// Where a triangle that the first block holds is outside.
 #[inline(always)]
-pub fn outside_of_first<B: Block>(setup: &Setup, lane: usize) -> B {
+pub fn outside_of_first<B: Block, const N: usize>(setup: &Setup<N>, lane: usize) -> B {
     let values = [setup.edges[0][lane], setup.edges[1][lane], setup.edges[2][lane]];
     let (across, down) = (&setup.across, &setup.down);
     outside(

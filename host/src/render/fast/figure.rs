@@ -1,11 +1,16 @@
 //! A mesh laid out for many vertices and triangles at once.
 
 use super::super::mesh::{Mesh, Triangle};
+use super::picture::{Picture, Pictures, Skin};
 use super::solids::solids;
-use crate::scene::luminance;
+use crate::scene::{Texture, luminance};
+use std::sync::Arc;
 
-/// Vertices and triangles that are worked on together.
+/// Triangles that are worked on together.
 pub const LANES: usize = 16;
+/// Vertices that are: a processor finds other lanes' work while some wait for roots and quotients. With AVX-512 16 took a third longer
+/// on the cone.
+pub const VERTEX_LANES: usize = 32;
 /// Luminance 1 in the fixed point of luminances and thresholds.
 pub const WHITE: f32 = 32_768.0;
 /// Above a threshold that is never below any other, and far enough below the end that a rounded gradient does not wrap.
@@ -18,12 +23,18 @@ pub enum Ink {
     Flat(i16),
     /// By its corners, in parts of [`WHITE`].
     Smooth([f32; 3]),
-    /// By a texture, or beyond black and white: computed for every pixel.
+    /// By one of [`Figure::skins`].
+    Textured(u32),
+    /// By a texture in many tints, or beyond black and white: computed for every pixel as the clear renderer does.
     Shaded,
 }
 
 impl Ink {
-    fn new(triangle: &Triangle) -> Self {
+    fn new(triangle: &Triangle, skins: &mut Skins<'_>) -> Self {
+        if let Some(skin) = skins.pictures.skin(triangle, skins.textures) {
+            skins.all.push(skin);
+            return Self::Textured(skins.all.len() as u32 - 1);
+        }
         let corners = triangle.radiance.map(luminance);
         if triangle.texture.is_some() || corners.iter().any(|value| !(0.0..=1.0).contains(value)) {
             return Self::Shaded;
@@ -40,29 +51,40 @@ pub fn level(luminance: f32) -> i16 {
     (luminance * WHITE).ceil().clamp(0.0, WHITE - 1.0) as i16
 }
 
+/// What is found of textures on the way through a mesh.
+struct Skins<'a> {
+    textures: &'a [Arc<Texture>],
+    pictures: Pictures,
+    all: Vec<Skin>,
+}
+
 /// A mesh in lanes.
 pub struct Figure {
     /// As it came.
     pub mesh: Mesh,
-    /// x, y and z of the vertices in world metres, padded to whole [`LANES`] with the origin.
-    pub positions: [Vec<[f32; LANES]>; 3],
+    /// x, y and z of the vertices in world metres, padded to whole [`VERTEX_LANES`] with the origin.
+    pub positions: [Vec<[f32; VERTEX_LANES]>; 3],
     /// First, second and third corners of the triangles, padded with triangles that are points. All below [`Figure::vertices`].
     corners: [Vec<[u32; LANES]>; 3],
     /// What leaves each triangle.
     pub inks: Vec<Ink>,
+    /// How triangles with a texture show it.
+    pub skins: Vec<Skin>,
+    /// What they show.
+    pub pictures: Vec<Picture>,
     /// Bit by bit, which triangles of each group of [`LANES`] belong to solids, of which only the front is seen.
-    pub solid: Vec<u32>,
+    solid: Vec<u32>,
     /// The same, which triangles have a flat ink.
-    pub flat: Vec<u32>,
+    flat: Vec<u32>,
     /// Luminances of flat inks.
-    pub luminances: Vec<[i16; LANES]>,
+    pub luminances: Vec<i16>,
     /// The distance of the farthest vertex from the origin in metres: no depth is beyond it.
     pub radius_m: f32,
 }
 
 impl Figure {
-    /// `mesh` in lanes.
-    pub fn new(mesh: Mesh) -> Self {
+    /// `mesh` in lanes, with the scene's textures.
+    pub fn new(mesh: Mesh, textures: &[Arc<Texture>]) -> Self {
         let axis = |axis: usize| {
             let values = mesh.positions.iter().map(|position| position[axis] as f32);
             lanes(values)
@@ -71,7 +93,8 @@ impl Figure {
         let vertices = mesh.positions.len() as u32;
         assert!(mesh.triangles.iter().all(|triangle| triangle.corners.iter().all(|corner| *corner < vertices)));
         let solid = solids(&mesh);
-        let inks: Vec<_> = mesh.triangles.iter().map(Ink::new).collect();
+        let mut skins = Skins { textures, pictures: Pictures::new(textures.len()), all: Vec::new() };
+        let inks: Vec<_> = mesh.triangles.iter().map(|triangle| Ink::new(triangle, &mut skins)).collect();
         let flat: Vec<_> = inks.iter().map(|ink| matches!(ink, Ink::Flat(_))).collect();
         let luminance = |ink: &Ink| if let Ink::Flat(luminance) = ink { *luminance } else { 0 };
         let bits = |group: &[bool]| (0..).zip(group).map(|(lane, solid)| u32::from(*solid) << lane).sum();
@@ -81,8 +104,10 @@ impl Figure {
             corners: [0, 1, 2].map(corner),
             solid: solid.chunks(LANES).map(bits).collect(),
             flat: flat.chunks(LANES).map(bits).collect(),
-            luminances: lanes(inks.iter().map(luminance)),
+            luminances: inks.iter().map(luminance).collect(),
             inks,
+            skins: skins.all,
+            pictures: skins.pictures.all,
             // Where there is nothing, or nothing but the origin, any scale of depths will do.
             radius_m: if radius_m > 0.0 { radius_m } else { 1.0 },
             mesh,
@@ -94,25 +119,37 @@ impl Figure {
         self.mesh.positions.len()
     }
 
-    /// How many groups of [`LANES`] triangles there are.
-    pub fn groups(&self) -> usize {
-        self.solid.len()
+    /// How many groups of `N` triangles there are. `N` divides [`LANES`].
+    pub fn groups<const N: usize>(&self) -> usize {
+        self.solid.len() * (LANES / N)
     }
 
-    /// The first, second or third corners of the triangles, group by group; all below [`Figure::vertices`].
+    /// Bit by bit, which triangles of a group of `N` belong to solids, of which only the front is seen. Bits beyond mean nothing.
     #[inline(always)]
-    pub fn corners(&self, corner: usize) -> &[[u32; LANES]] {
-        &self.corners[corner]
+    pub fn solids<const N: usize>(&self, group: usize) -> u32 {
+        self.solid[group / (LANES / N)] >> (group % (LANES / N) * N)
+    }
+
+    /// The same, which have a flat ink.
+    #[inline(always)]
+    pub fn flats<const N: usize>(&self, group: usize) -> u32 {
+        self.flat[group / (LANES / N)] >> (group % (LANES / N) * N)
+    }
+
+    /// The first, second or third corners of a group of `N` triangles; all below [`Figure::vertices`].
+    #[inline(always)]
+    pub fn corners<const N: usize>(&self, corner: usize, group: usize) -> &[u32; N] {
+        &self.corners[corner].as_flattened().as_chunks().0[group]
     }
 }
 
-fn lanes<T: Copy + Default>(values: impl Iterator<Item = T>) -> Vec<[T; LANES]> {
+fn lanes<T: Copy + Default, const N: usize>(values: impl Iterator<Item = T>) -> Vec<[T; N]> {
     let mut groups = Vec::new();
     for (index, value) in values.enumerate() {
-        if index % LANES == 0 {
-            groups.push([T::default(); LANES]);
+        if index % N == 0 {
+            groups.push([T::default(); N]);
         }
-        groups[index / LANES][index % LANES] = value;
+        groups[index / N][index % N] = value;
     }
     groups
 }

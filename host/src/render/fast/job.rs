@@ -69,7 +69,7 @@ impl<'a> Job<'a> {
             scene,
             rig: rig.clone(),
             halftone: plan.halftone,
-            figure: Figure::new(tessellate(scene, rig, plan)?),
+            figure: Figure::new(tessellate(scene, rig, plan)?, &scene.textures),
             faces: (0..rig.mirror.face.len()).map(optics).collect(),
             rooms: Mutex::default(),
         })
@@ -118,7 +118,7 @@ struct Diffused<'a, 'b, 'c> {
 
 impl Work for Diffused<'_, '_, '_> {
     #[inline(always)]
-    fn run<B: Block>(self) {
+    fn run<B: Block, const N: usize>(self) {
         let Self { job, grid, kernel, room, planes, done } = self;
         let [width, height] = grid.size.map(|side| side as usize);
         let mut greys = room.greys.take().unwrap_or_else(|| Greys::new(grid.size));
@@ -129,7 +129,7 @@ impl Work for Diffused<'_, '_, '_> {
             levels.resize(width * height, 0);
             let Some((slice, _)) = planes.get(lane) else { continue };
             seeds[lane] = *slice;
-            let touched = job.draw::<B, _>(&grid, *slice, room, &mut greys);
+            let touched = job.draw::<B, N, _>(&grid, *slice, room, &mut greys);
             greys.take([touched.first[1], touched.end[1]], grid.size, |y, values| {
                 levels[y * width..][..width].copy_from_slice(values);
             });
@@ -162,20 +162,20 @@ struct Slice<'a, 'b> {
 
 impl Work for Slice<'_, '_> {
     #[inline(always)]
-    fn run<B: Block>(self) {
+    fn run<B: Block, const N: usize>(self) {
         let Self { job, grid, slot, room, bytes } = self;
         let size = grid.size;
         if let Some(mask) = job.halftone.binary().and_then(|method| Mask::new(method, slot.slice, slot.turn)) {
             let mut bits = room.bits.take().unwrap_or_else(|| Bits::new(size));
             bits.tile.set(mask, size);
-            let touched = job.draw::<B, _>(&grid, slot.slice, room, &mut bits);
+            let touched = job.draw::<B, N, _>(&grid, slot.slice, room, &mut bits);
             bytes.fill(0);
             bits.take::<B>([touched.first[0], touched.end[0]], [touched.first[1], touched.end[1]], size, bytes);
             room.bits = Some(bits);
             return;
         }
         let mut greys = room.greys.take().unwrap_or_else(|| Greys::new(size));
-        let touched = job.draw::<B, _>(&grid, slot.slice, room, &mut greys);
+        let touched = job.draw::<B, N, _>(&grid, slot.slice, room, &mut greys);
         let rows = [touched.first[1], touched.end[1]];
         let width = size[0] as usize;
         match job.halftone.binary() {
@@ -211,7 +211,13 @@ fn linear(level: i16) -> f32 {
 impl Job<'_> {
     /// Draws a slice, and tells which pixels it has touched.
     #[inline(always)]
-    fn draw<B: Block, S: Surface>(&self, grid: &Grid, slice: u32, room: &mut Room, surface: &mut S) -> Touched {
+    fn draw<B: Block, const N: usize, S: Surface>(
+        &self,
+        grid: &Grid,
+        slice: u32,
+        room: &mut Room,
+        surface: &mut S,
+    ) -> Touched {
         let theta = self.rig.slice_angle(slice);
         let is_shared = self.faces.len() > 1;
         room.panels.clear();
@@ -235,7 +241,7 @@ impl Job<'_> {
             let corner = |index: u32| self.corner(grid, &projector, index);
             let front = front(&self.rig, face, theta, &projector);
             let view = View { shows: &shows, is_shared, front, corner: &corner };
-            draw::<B, S>(&scene, &view, &room.vertices, &mut room.panel, surface, &mut touched);
+            draw::<B, N, S>(&scene, &view, &room.vertices, &mut room.panel, surface, &mut touched);
         }
         touched
     }

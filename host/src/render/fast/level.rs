@@ -50,10 +50,10 @@ impl Level {
     }
 }
 
-/// Something to be done block by block.
+/// Something to be done block by block, and with `N` triangles at once.
 pub trait Work {
     /// Does it; to be `inline(always)`, so that it is compiled for the instructions of whoever runs it.
-    fn run<B: Block>(self);
+    fn run<B: Block, const N: usize>(self);
 }
 
 impl Level {
@@ -65,7 +65,7 @@ impl Level {
             Self::Avx2 => x86::avx2(work),
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => x86::avx512(work),
-            _ => work.run::<Portable>(),
+            _ => work.run::<Portable, 4>(),
         }
     }
 }
@@ -80,7 +80,7 @@ mod x86 {
     pub(super) fn avx2(work: impl Work) {
         #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
         fn with(work: impl Work) {
-            work.run::<Avx2>();
+            work.run::<Avx2, 16>();
         }
         // SAFETY: the machine has them.
         unsafe { with(work) }
@@ -89,7 +89,7 @@ mod x86 {
     pub(super) fn avx512(work: impl Work) {
         #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
         fn with(work: impl Work) {
-            work.run::<Avx512>();
+            work.run::<Avx512, 16>();
         }
         // SAFETY: the machine has them.
         unsafe { with(work) }

@@ -8,6 +8,7 @@ mod grid;
 mod job;
 mod level;
 mod panel;
+mod picture;
 mod raster;
 mod setup;
 mod solids;

@@ -1,10 +1,11 @@
 //! Triangles to pixels, block by block.
 
-use super::block::{Block, COLUMNS, ROWS};
-use super::cover::{Blocks, Corners, Covered, Slope, outside_of_first};
-use super::figure::{Figure, Ink, LANES, level};
-use super::grid::Grid;
+use super::block::{Block, CENTRE, COLUMNS, PIXELS, ROWS};
+use super::cover::{Blocks, Corners, Covered, Slope, Weights, outside_of_first};
+use super::figure::{Figure, Ink, WHITE, level};
+use super::grid::{Grid, rounded};
 use super::panel::Panel;
+use super::picture::Picture;
 use super::setup::Setup;
 use super::surface::Surface;
 use super::vertices::Vertices;
@@ -63,7 +64,7 @@ impl Touched {
 
 /// Draws one face of a slice.
 #[inline(always)]
-pub fn draw<B: Block, S: Surface>(
+pub fn draw<B: Block, const N: usize, S: Surface>(
     scene: &Scene<'_>,
     view: &View<'_>,
     vertices: &Vertices,
@@ -71,16 +72,16 @@ pub fn draw<B: Block, S: Surface>(
     surface: &mut S,
     touched: &mut Touched,
 ) {
-    let mut setup = Setup::new();
-    for group in 0..scene.figure.groups() {
+    let mut setup = Setup::<N>::new();
+    for group in 0..scene.figure.groups::<N>() {
         setup.prepare::<B>(scene.figure, vertices, &scene.grid, view.front, group);
         let cut = if view.is_shared { u32::MAX } else { setup.rim };
-        let plain = setup.drawn & scene.figure.flat[group] & !cut;
+        let plain = setup.drawn & scene.figure.flats::<N>(group) & !cut;
         for lane in lanes(plain & setup.small) {
-            small_triangle::<B, S>(&setup, lane, scene.figure.luminances[group][lane], surface);
+            small_triangle::<B, N, S>(&setup, lane, scene.figure.luminances[group * N + lane], surface);
         }
         for lane in lanes(plain & !setup.small) {
-            plain_triangle::<B, S>(&setup, lane, scene.figure.luminances[group][lane], surface);
+            plain_triangle::<B, N, S>(&setup, lane, scene.figure.luminances[group * N + lane], surface);
         }
         let others = setup.drawn & !plain;
         if others | setup.wide == 0 {
@@ -89,11 +90,11 @@ pub fn draw<B: Block, S: Surface>(
         let mut painter = Painter { scene, view, panel, surface, touched, is_cut: false };
         for lane in lanes(others) {
             painter.is_cut = cut >> lane & 1 != 0;
-            painter.triangle::<B>(&setup, lane, group * LANES + lane);
+            painter.triangle::<B, N>(&setup, lane, group * N + lane);
         }
         for lane in lanes(setup.wide) {
             painter.is_cut = cut >> lane & 1 != 0;
-            painter.wide::<B>(group * LANES + lane);
+            painter.wide::<B>(group * N + lane);
         }
     }
     let [first, last] = setup.touched();
@@ -113,8 +114,13 @@ fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
 
 /// Lays one luminance on a triangle that one block holds.
 #[inline(always)]
-fn small_triangle<B: Block, S: Surface>(setup: &Setup, lane: usize, luminance: i16, surface: &mut S) {
-    let outside = outside_of_first::<B>(setup, lane);
+fn small_triangle<B: Block, const N: usize, S: Surface>(
+    setup: &Setup<N>,
+    lane: usize,
+    luminance: i16,
+    surface: &mut S,
+) {
+    let outside = outside_of_first::<B, N>(setup, lane);
     let value = B::splat(setup.rounded_depth[0][lane] as i16);
     let across = B::splat(setup.rounded_depth[1][lane] as i16).mul(B::columns());
     let down = B::splat(setup.rounded_depth[2][lane] as i16).mul(B::rows());
@@ -128,7 +134,12 @@ fn small_triangle<B: Block, S: Surface>(setup: &Setup, lane: usize, luminance: i
 
 /// Lays one luminance on a triangle.
 #[inline(always)]
-fn plain_triangle<B: Block, S: Surface>(setup: &Setup, lane: usize, luminance: i16, surface: &mut S) {
+fn plain_triangle<B: Block, const N: usize, S: Surface>(
+    setup: &Setup<N>,
+    lane: usize,
+    luminance: i16,
+    surface: &mut S,
+) {
     let blocks = Blocks::of(setup, lane);
     let depth = setup.depth_of(lane);
     let offsets: B = depth.offsets();
@@ -142,7 +153,24 @@ fn plain_triangle<B: Block, S: Surface>(setup: &Setup, lane: usize, luminance: i
 enum Paint<'a> {
     Flat(i16),
     Smooth(Slope),
+    /// Places in the picture, and what its luminances are multiplied by.
+    Textured(&'a Picture, [Slope; 2], Slope),
     Shaded(&'a Corners, usize),
+}
+
+/// The paint of triangle `index` by its ink, on blocks from the one at `first` on.
+fn paint<'a>(scene: &'a Scene<'_>, corners: &'a Corners, ink: Ink, first: [i32; 2], index: usize) -> Paint<'a> {
+    let weights = || Weights::new(corners, first, &scene.grid);
+    match ink {
+        Ink::Flat(luminance) => Paint::Flat(luminance),
+        Ink::Smooth(luminances) => Paint::Smooth(weights().slope(luminances)),
+        Ink::Textured(skin) => {
+            let (weights, skin) = (weights(), &scene.figure.skins[skin as usize]);
+            let places = [weights.slope(skin.places[0]), weights.slope(skin.places[1])];
+            Paint::Textured(&scene.figure.pictures[skin.picture as usize], places, weights.slope(skin.gains))
+        }
+        Ink::Shaded => Paint::Shaded(corners, index),
+    }
 }
 
 struct Painter<'a, 'b, S> {
@@ -156,25 +184,17 @@ struct Painter<'a, 'b, S> {
 
 impl<S: Surface> Painter<'_, '_, S> {
     #[inline(always)]
-    fn triangle<B: Block>(&mut self, setup: &Setup, lane: usize, index: usize) {
+    fn triangle<B: Block, const N: usize>(&mut self, setup: &Setup<N>, lane: usize, index: usize) {
         let ink = self.scene.figure.inks[index];
         let blocks = Blocks::of(setup, lane);
         let turned = setup.turned[lane] != 0;
         let order = if turned { [0, 2, 1] } else { [0, 1, 2] };
         let corners = Corners(order.map(|corner| [setup.x[corner][lane].into(), setup.y[corner][lane].into()]));
-        let paint = self.paint(&corners, ink, blocks.first, index);
+        let paint = paint(self.scene, &corners, ink, blocks.first, index);
         let depth = setup.depth_of(lane);
         let mut covered = Covered::<B>::new(setup, lane, &blocks);
         while let Some((offset, outside)) = covered.next() {
             self.lay(blocks.at(offset), offset, outside, &depth, &paint);
-        }
-    }
-
-    fn paint<'c>(&self, corners: &'c Corners, ink: Ink, first: [i32; 2], index: usize) -> Paint<'c> {
-        match ink {
-            Ink::Flat(luminance) => Paint::Flat(luminance),
-            Ink::Smooth(luminances) => Paint::Smooth(Slope::new(corners, luminances, first, &self.scene.grid)),
-            Ink::Shaded => Paint::Shaded(corners, index),
         }
     }
 
@@ -188,6 +208,10 @@ impl<S: Surface> Painter<'_, '_, S> {
         let luminance = match paint {
             Paint::Flat(luminance) => B::splat(*luminance),
             Paint::Smooth(slope) => slope.block(offset, slope.offsets::<B>()),
+            Paint::Textured(picture, places, gain) => {
+                let open = self.surface.open(place, outside, depth);
+                B::from_array(&sampled(picture, places, gain, offset, open))
+            }
             Paint::Shaded(corners, index) => {
                 let open = self.surface.open(place, outside, depth);
                 B::from_array(&self.shade(place, open, corners, *index))
@@ -197,11 +221,9 @@ impl<S: Surface> Painter<'_, '_, S> {
     }
 
     /// The luminance of the pixels of a block whose bits are set in `open`.
-    fn shade(&self, [x, y]: [i32; 2], mut open: u32, corners: &Corners, index: usize) -> [i16; ROWS * COLUMNS] {
-        let mut luminances = [0; ROWS * COLUMNS];
-        while open != 0 {
-            let pixel = open.trailing_zeros() as usize;
-            open &= open - 1;
+    fn shade(&self, [x, y]: [i32; 2], open: u32, corners: &Corners, index: usize) -> [i16; PIXELS] {
+        let mut luminances = [0; PIXELS];
+        for pixel in lanes(open) {
             let place = [x + (pixel % COLUMNS) as i32, y + (pixel / COLUMNS) as i32];
             let weights = corners.weights(place, &self.scene.grid);
             luminances[pixel] = level(shade(&self.scene.figure.mesh.triangles[index], self.scene.textures, weights));
@@ -216,8 +238,7 @@ impl<S: Surface> Painter<'_, '_, S> {
         let mut vertices = figure.mesh.triangles[index].corners.map(|corner| (self.view.corner)(corner));
         let unturned = Corners(vertices.map(|[x, y, _]| [x, y]));
         let area = unturned.edge(0, 1, unturned.0[2]);
-        let is_back =
-            figure.solid[index / LANES] >> (index % LANES) & 1 != 0 && area.signum() * i64::from(self.view.front) < 0;
+        let is_back = figure.solids::<1>(index) & 1 != 0 && area.signum() * i64::from(self.view.front) < 0;
         let reach = |axis: usize| {
             let [low, high] = [i64::min, i64::max]
                 .map(|pick| vertices.map(|vertex| vertex[axis]).into_iter().reduce(pick).unwrap_or(0));
@@ -233,8 +254,8 @@ impl<S: Surface> Painter<'_, '_, S> {
         }
         let blocks = Blocks::new([columns[0], rows[0]], [columns[1], rows[1]]);
         self.touched.add(blocks.first, blocks.end());
-        let depth = Slope::new(&unturned, vertices.map(|[.., depth]| depth as f32), blocks.first, grid);
-        let paint = self.paint(&unturned, figure.inks[index], blocks.first, index);
+        let depth = Weights::new(&unturned, blocks.first, grid).slope(vertices.map(|[.., depth]| depth as f32));
+        let paint = paint(self.scene, &unturned, figure.inks[index], blocks.first, index);
         if area < 0 {
             vertices.swap(1, 2);
         }
@@ -250,4 +271,18 @@ impl<S: Surface> Painter<'_, '_, S> {
             }
         }
     }
+}
+
+/// The luminance of the pixels whose bits are set in `open`, of the block that lies `offset` from the first.
+#[inline(always)]
+fn sampled(picture: &Picture, places: &[Slope; 2], gain: &Slope, offset: [i32; 2], open: u32) -> [i16; PIXELS] {
+    let mut luminances = [0; PIXELS];
+    for pixel in lanes(open) {
+        let column = offset[0] + (pixel % COLUMNS) as i32 - CENTRE[0];
+        let row = offset[1] + (pixel / COLUMNS) as i32 - CENTRE[1];
+        let at = [column, row];
+        let luminance = picture.sample([places[0].at(at), places[1].at(at)]) * gain.at(at);
+        luminances[pixel] = rounded(luminance.clamp(0.0, WHITE - 1.0)) as i16;
+    }
+    luminances
 }

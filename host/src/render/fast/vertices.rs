@@ -1,6 +1,6 @@
 //! Vertices of a slice.
 
-use super::figure::{Figure, LANES};
+use super::figure::{Figure, VERTEX_LANES};
 use super::grid::{FAR_PX, Grid};
 use shaders::project::methods::SliceProjector;
 use shaders::project::methods::lanes::NOWHERE;
@@ -16,14 +16,14 @@ pub const OFF: i32 = 0x3F << 16;
 
 /// The vertices of one face in one slice: x, y and depth in 16 bits each, and what else is known.
 #[derive(Default)]
-pub struct Vertices(Vec<[u64; LANES]>);
+pub struct Vertices(Vec<[u64; VERTEX_LANES]>);
 
 impl Vertices {
     /// Projects them.
     #[inline(always)]
     pub fn project(&mut self, figure: &Figure, projector: &SliceProjector<f32>, grid: &Grid) {
         let [xs, ys, zs] = &figure.positions;
-        self.0.resize(xs.len(), [0; LANES]);
+        self.0.resize(xs.len(), [0; VERTEX_LANES]);
         let grid = *grid;
         for (((x, y), z), packed) in xs.iter().zip(ys).zip(zs).zip(&mut self.0) {
             let vertices = projector.vertices([x, y, z]);

@@ -3,7 +3,7 @@
 //! Their methods are `inline(always)` and end in functions that enable the instructions: see [`super::super::level`].
 #![allow(unsafe_code)]
 
-use super::{Block, COLUMNS, LANES, PIXELS, Portable};
+use super::{Block, COLUMNS, PIXELS, Portable};
 use core::arch::x86_64::*;
 
 /// One register. SAFETY of its methods: they are called, by way of `level`, where AVX-512 F and BW were found.
@@ -93,14 +93,16 @@ impl Block for Avx512 {
     }
 
     #[inline(always)]
-    fn negative_lanes(lanes: &[i32; LANES]) -> u32 {
+    fn negative_lanes<const N: usize>(lanes: &[i32; N]) -> u32 {
+        const { assert!(N == 16) };
         // An array is as large as the register.
         unsafe { _mm512_movepi32_mask(_mm512_loadu_si512(lanes.as_ptr().cast())).into() }
     }
 
     #[inline(always)]
-    unsafe fn gather(table: &[u64], indices: &[u32; LANES]) -> [u64; LANES] {
-        let mut values = [0; LANES];
+    unsafe fn gather<const N: usize>(table: &[u64], indices: &[u32; N]) -> [u64; N] {
+        let mut values = [0; N];
+        const { assert!(N == 16) };
         for half in 0..2 {
             // Half an array of indices, and of values, is as large as a register; indices are in the table, as the caller has made sure,
             // and do not reach half of what 32 bits hold.
@@ -227,7 +229,8 @@ impl Block for Avx2 {
     }
 
     #[inline(always)]
-    fn negative_lanes(lanes: &[i32; LANES]) -> u32 {
+    fn negative_lanes<const N: usize>(lanes: &[i32; N]) -> u32 {
+        const { assert!(N == 16) };
         // An array is as large as two registers.
         let half = |half: usize| unsafe {
             let lanes = _mm256_loadu_si256(lanes.as_ptr().add(8 * half).cast());
@@ -237,7 +240,7 @@ impl Block for Avx2 {
     }
 
     #[inline(always)]
-    unsafe fn gather(table: &[u64], indices: &[u32; LANES]) -> [u64; LANES] {
+    unsafe fn gather<const N: usize>(table: &[u64], indices: &[u32; N]) -> [u64; N] {
         // Its gathers are no faster than one load after the other.
         unsafe { Portable::gather(table, indices) }
     }
