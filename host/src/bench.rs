@@ -198,7 +198,7 @@ pub struct Wish<'a> {
     pub halftones: &'a [Halftone],
     /// How far lines may lie from where the model puts them, projector pixels.
     pub budget_px: f64,
-    /// Whether the first projection and halftone are measured at [`SWEEP`]'s slice counts too.
+    /// Whether the first scene, projection and halftone are measured at [`SWEEP`]'s slice counts too.
     pub sweep: bool,
 }
 
@@ -208,7 +208,7 @@ pub struct Wish<'a> {
 /// the one by which Newton's cone keeps the budget, with the other model, so that both do the same work.
 pub fn cases<'a>(wish: &Wish<'a>, done: &dyn Fn()) -> Result<Vec<Case<'a>>, PlanError> {
     let mut cases = Vec::new();
-    for (scene_name, scene) in wish.scenes {
+    for (place, (scene_name, scene)) in wish.scenes.iter().enumerate() {
         for (index, projection) in wish.projections.iter().enumerate() {
             let (plan, work) = plan(scene, wish.rig, *projection, wish.budget_px)?;
             let mut add = |slices, halftone, is_of_sweep: bool| {
@@ -227,7 +227,7 @@ pub fn cases<'a>(wish: &Wish<'a>, done: &dyn Fn()) -> Result<Vec<Case<'a>>, Plan
             for halftone in wish.halftones {
                 add(wish.rig.rotation.slices, *halftone, false);
             }
-            if let (true, 0, Some(halftone)) = (wish.sweep, index, wish.halftones.first()) {
+            if let (true, [0, 0], Some(halftone)) = (wish.sweep, [place, index], wish.halftones.first()) {
                 // The rig's own count has been measured already.
                 let others = SWEEP.into_iter().filter(|slices| *slices != wish.rig.rotation.slices);
                 others.for_each(|slices| add(slices, *halftone, true));

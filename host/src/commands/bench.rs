@@ -57,7 +57,7 @@ pub(super) struct Args {
     /// Three rounds of the first scene by the first projection and halftone, without memory
     #[arg(long)]
     quick: bool,
-    /// The first projection and halftone with 48 to 1,152 slices a turn, too
+    /// The first scene, projection and halftone with 48 to 1,152 slices a turn, too
     #[arg(long)]
     slices_sweep: bool,
     /// The seed of the order in which everything is measured
