@@ -7,6 +7,11 @@ pub const FAR_PX: f32 = 1e6;
 /// From here on single precision has only whole numbers left, so that adding this rounds.
 const ROUNDER: f32 = 12_582_912.0;
 
+/// How far two depths may lie apart and yet be one number, in metres: the lowest bit is the pixel's.
+pub fn depth_step_m(radius_m: f32) -> f32 {
+    2.0 * radius_m / DEPTH_MAX
+}
+
 /// How pixels and depths become whole numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Grid {

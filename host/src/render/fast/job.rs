@@ -1,6 +1,7 @@
 //! A scene on a rig, rendered slice by slice: a task a frame, or as many slices as are diffused together.
 
 use super::block::Block;
+use super::clock::{Clock, Part};
 use super::figure::{Figure, WHITE};
 use super::front::front;
 use super::grid::{FAR_PX, Grid};
@@ -16,6 +17,7 @@ use crate::render::tessellate::tessellate;
 use crate::render::turn::Turn;
 use crate::render::{Prepared, RenderError, Wanted};
 use crate::scene::ShadedScene;
+use core::time::Duration;
 use glam::DVec2;
 use protocol::rig::Rig;
 use rayon::prelude::*;
@@ -43,11 +45,14 @@ pub struct Job<'a> {
     faces: Vec<FaceOptics<f32>>,
     /// One for each task at work; they are kept from turn to turn.
     rooms: Mutex<Vec<Room>>,
+    /// Where the time of the last turn went.
+    clock: Mutex<Clock>,
 }
 
 /// What a task works in.
 #[derive(Default)]
-struct Room {
+pub struct Room {
+    clock: Clock,
     vertices: Vertices,
     panel: Panel,
     /// The faces of a slice, where there are several.
@@ -61,6 +66,11 @@ struct Room {
 }
 
 impl<'a> Job<'a> {
+    /// How pixels and depths of a turn's slices become whole numbers.
+    pub fn grid(&self, turn: &Turn) -> Grid {
+        Grid::new([turn.width(), turn.height()], self.figure.radius_m)
+    }
+
     /// `scene` by `plan`, with the instructions of `level`, which this machine must have.
     pub fn new(level: Level, scene: &'a ShadedScene, rig: &Rig, plan: &Plan) -> Result<Self, RenderError> {
         let optics = |face| FaceOptics::new(rig, face, plan.projection.into());
@@ -72,19 +82,22 @@ impl<'a> Job<'a> {
             figure: Figure::new(tessellate(scene, rig, plan)?, &scene.textures),
             faces: (0..rig.mirror.face.len()).map(optics).collect(),
             rooms: Mutex::default(),
+            clock: Mutex::default(),
         })
     }
 }
 
 impl Prepared for Job<'_> {
     fn render(&mut self, wanted: Wanted<'_>, turn: &mut Turn) -> Result<(), RenderError> {
-        let grid = Grid::new([turn.width(), turn.height()], self.figure.radius_m);
+        let grid = self.grid(turn);
         let slice_bytes = turn.slice_bytes();
         let kernel = self.halftone.binary().and_then(|method| method.diffusion(wanted.number));
         let slices = if kernel.is_some() { TOGETHER } else { FRAME };
         let job: &Self = self;
+        *job.clock.lock().unwrap_or_else(PoisonError::into_inner) = Clock::default();
         turn.bytes_mut().par_chunks_mut(slice_bytes * slices).enumerate().for_each(|(task, bytes)| {
             let mut room = job.rooms.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
+            room.clock.start();
             let of_task = (task * slices..).map(|slice| slice as u32).zip(bytes.chunks_exact_mut(slice_bytes));
             let mut planes: Vec<_> = of_task.filter(|(slice, _)| wanted.slices.contains(slice)).collect();
             match kernel {
@@ -100,9 +113,15 @@ impl Prepared for Job<'_> {
                     }
                 }
             }
+            room.clock.end(Part::Planes);
+            job.clock.lock().unwrap_or_else(PoisonError::into_inner).take(&mut room.clock);
             job.rooms.lock().unwrap_or_else(PoisonError::into_inner).push(room);
         });
         Ok(())
+    }
+
+    fn stages(&self) -> Option<Vec<(&'static str, Duration)>> {
+        Some(self.clock.lock().unwrap_or_else(PoisonError::into_inner).stages())
     }
 }
 
@@ -152,12 +171,12 @@ impl Work for Diffused<'_, '_, '_> {
 }
 
 /// One slice to be made.
-struct Slice<'a, 'b> {
-    job: &'a Job<'b>,
-    grid: Grid,
-    slot: Slot,
-    room: &'a mut Room,
-    bytes: &'a mut [u8],
+pub struct Slice<'a, 'b> {
+    pub job: &'a Job<'b>,
+    pub grid: Grid,
+    pub slot: Slot,
+    pub room: &'a mut Room,
+    pub bytes: &'a mut [u8],
 }
 
 impl Work for Slice<'_, '_> {
@@ -231,7 +250,9 @@ impl Job<'_> {
         for (face, optics) in self.faces.iter().enumerate() {
             let projector = optics.slice(theta);
             room.panel.forget(grid.size);
+            room.clock.end(Part::Planes);
             room.vertices.project(&self.figure, &projector, grid);
+            room.clock.end(Part::Vertices);
             let panels = &room.panels;
             let shows = |[x, y]: [i32; 2]| {
                 let centre = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
@@ -242,6 +263,7 @@ impl Job<'_> {
             let front = front(&self.rig, face, theta, &projector);
             let view = View { shows: &shows, is_shared, front, corner: &corner };
             draw::<B, N, S>(&scene, &view, &room.vertices, &mut room.panel, surface, &mut touched);
+            room.clock.end(Part::Triangles);
         }
         touched
     }

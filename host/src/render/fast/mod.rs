@@ -1,6 +1,7 @@
 //! The fast renderer on the CPU: blocks of 8 × 4 pixels in 16-bit fixed point, a task a frame.
 
 mod block;
+mod clock;
 mod cover;
 mod figure;
 mod front;
@@ -23,11 +24,17 @@ use super::plan::{DepthTest, Edges, Halftone, Plan, Precision};
 use super::second_pass::SecondPass;
 use super::{Prepared, RenderError, Renderer};
 use crate::scene::ShadedScene;
+use glam::DVec2;
 use protocol::rig::Rig;
 
 pub use level::Level;
 
+use grid::depth_step_m;
 use job::Job;
+
+/// In scenes so large that depths less than this share of a pixel apart would be one, what lies behind would shine through: they are left
+/// to the clear renderer.
+const DEPTH_STEP_MAX_PX: f64 = 0.25;
 
 /// Renders with the vector instructions of one [`Level`].
 #[derive(Clone, Copy, Debug)]
@@ -68,7 +75,7 @@ impl Renderer for FastRenderer {
         let is_exact = plan.precision == Precision::Double
             || matches!(plan.edges, Edges::Discard | Edges::Rays)
             || plan.depth == DepthTest::Exact;
-        if is_exact {
+        if is_exact || is_deep(scene, rig) {
             return const { &ClearRenderer }.prepare(scene, rig, plan);
         }
         if matches!(plan.halftone, Halftone::SightLine | Halftone::Joint) {
@@ -76,4 +83,14 @@ impl Renderer for FastRenderer {
         }
         Ok(Box::new(Job::new(self.level, scene, rig, plan)?))
     }
+}
+
+/// Whether 15 bits are too few for the depths of `scene`.
+fn is_deep(scene: &ShadedScene, rig: &Rig) -> bool {
+    let corners = scene.triangles.iter().flat_map(|triangle| triangle.positions);
+    let radius_m = corners.map(|corner| corner.length()).fold(0.0, f32::max);
+    let camera = rig.camera();
+    let middle = DVec2::new(rig.projector.width_px.into(), rig.projector.height_px.into()) / 2.0;
+    let pixel_m = camera.ray(middle).angle_between(camera.ray(middle + DVec2::X)) * camera.position.length();
+    f64::from(depth_step_m(radius_m)) > DEPTH_STEP_MAX_PX * pixel_m
 }

@@ -2,14 +2,18 @@ use super::super::clear::ClearRenderer;
 use super::super::mesh::Mesh;
 use super::super::turn::Turn;
 use super::super::{Renderer, Wanted, dark_turn};
+use super::block::Portable;
+use super::job::{Room, Slice};
+use super::level::Work;
 use super::solids::solids;
 use super::*;
+use crate::render::blur::eye_blur;
 use crate::render::plan::Projection;
 use crate::rigs;
 use crate::scene::{Scene, ShadedScene, ShadedTriangle, Shading, shade};
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec3Swizzles};
 use proptest::prelude::*;
-use shaders::halftone::plane_stride;
+use shaders::halftone::{Slot, plane_stride};
 use std::path::Path;
 
 const ANY: [u32; 3] = [5, 100, 201];
@@ -232,4 +236,48 @@ fn solids_are_closed_and_the_right_way_round() {
     let mut turned = whole.clone();
     turned.triangles.iter_mut().for_each(|triangle| triangle.corners.reverse());
     assert!(solids(&turned).iter().all(|solid| !solid));
+}
+
+/// What Miri can run in a minute: the portable way, without threads.
+#[test]
+fn tiny() {
+    let mut scene = white([Vec3::new(0.0, -0.02, 0.01), Vec3::new(0.03, 0.02, 0.0), Vec3::new(-0.03, 0.02, 0.0)]);
+    let mut shaded = scene.triangles[0];
+    shaded.positions = shaded.positions.map(|position| position.yxz());
+    shaded.radiance = [Vec3::ONE, Vec3::splat(0.2), Vec3::ZERO];
+    let mut wide = scene.triangles[0];
+    wide.positions = wide.positions.map(|position| 10.0 * position);
+    scene.triangles.extend([shaded, wide]);
+    let rig = small("reference", 16);
+    for halftone in [Halftone::Bayer, Halftone::Grey] {
+        let plan = Plan { edges: Edges::Straight, ..plan(halftone) };
+        let job = Job::new(Level::Portable, &scene, &rig, &plan).unwrap();
+        let mut turn = dark_turn(&rig, &plan).unwrap();
+        let slot = Slot { slice: 5, turn: 0, blur: eye_blur(&rig, 5) };
+        let (grid, mut room) = (job.grid(&turn), Room::default());
+        Slice { job: &job, grid, slot, room: &mut room, bytes: turn.slice_mut(5) }.run::<Portable, 4>();
+        assert!(turn.mean(5) > 0.1, "{halftone}: {}", turn.mean(5));
+    }
+}
+
+#[test]
+fn all_time_goes_into_parts() {
+    let (scene, rig, plan) = (load("knot-5k", None), small("reference", 100), plan(Halftone::Bayer));
+    let renderer = FastRenderer::new();
+    let mut job = renderer.prepare(&scene, &rig, &plan).unwrap();
+    let mut turn = dark_turn(&rig, &plan).unwrap();
+    job.render(Wanted { slices: &ANY, number: 0, done: &|| () }, &mut turn).unwrap();
+    let stages = job.stages().expect("they are taken");
+    assert!(stages.len() == 3 && stages.iter().all(|(_, time)| !time.is_zero()), "{stages:?}");
+}
+
+#[test]
+fn deep_scenes_are_the_clear_renderers() {
+    let (mut scene, rig, plan) = (load("knot-5k", None), small("reference", 128), plan(Halftone::Bayer));
+    let straight = Plan { edges: Edges::Straight, ..plan };
+    let far = [Vec3::new(0.0, 50.0, 0.0), Vec3::new(1.0, 50.0, 0.0), Vec3::new(0.0, 50.0, 1.0)];
+    scene.triangles.extend(white(far).triangles);
+    let [clear, fast] = [&ClearRenderer as &dyn Renderer, &FastRenderer::new()]
+        .map(|renderer| turn(renderer, &scene, &rig, &straight, 0));
+    assert!(clear == fast);
 }
