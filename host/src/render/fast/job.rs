@@ -66,6 +66,11 @@ pub struct Room {
 }
 
 impl<'a> Job<'a> {
+    /// The distance of the farthest vertex from the origin, of what was left when long edges had been cut and far pieces left out.
+    pub fn radius_m(&self) -> f32 {
+        self.figure.radius_m
+    }
+
     /// How pixels and depths of a turn's slices become whole numbers.
     pub fn grid(&self, turn: &Turn) -> Grid {
         Grid::new([turn.width(), turn.height()], self.figure.radius_m)

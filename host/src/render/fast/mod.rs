@@ -20,7 +20,7 @@ mod tile;
 mod vertices;
 
 use super::clear::ClearRenderer;
-use super::plan::{DepthTest, Edges, Halftone, Plan, Precision};
+use super::plan::{Halftone, Plan};
 use super::second_pass::SecondPass;
 use super::{Prepared, RenderError, Renderer};
 use crate::scene::ShadedScene;
@@ -71,24 +71,22 @@ impl Renderer for FastRenderer {
         rig: &Rig,
         plan: &Plan,
     ) -> Result<Box<dyn Prepared + 'a>, RenderError> {
-        // What these ask for, the fixed point has not.
-        let is_exact = plan.precision == Precision::Double
-            || matches!(plan.edges, Edges::Discard | Edges::Rays)
-            || plan.depth == DepthTest::Exact;
-        if is_exact || is_deep(scene, rig) {
+        if !plan.is_for_fixed_point() {
             return const { &ClearRenderer }.prepare(scene, rig, plan);
         }
         if matches!(plan.halftone, Halftone::SightLine | Halftone::Joint) {
             return SecondPass::prepare(self, scene, rig, plan);
         }
-        Ok(Box::new(Job::new(self.level, scene, rig, plan)?))
+        let job = Job::new(self.level, scene, rig, plan)?;
+        match is_deep(job.radius_m(), rig) {
+            true => const { &ClearRenderer }.prepare(scene, rig, plan),
+            false => Ok(Box::new(job)),
+        }
     }
 }
 
-/// Whether 15 bits are too few for the depths of `scene`.
-fn is_deep(scene: &ShadedScene, rig: &Rig) -> bool {
-    let corners = scene.triangles.iter().flat_map(|triangle| triangle.positions);
-    let radius_m = corners.map(|corner| corner.length()).fold(0.0, f32::max);
+/// Whether 15 bits are too few for the depths of what reaches so far from the origin.
+fn is_deep(radius_m: f32, rig: &Rig) -> bool {
     let camera = rig.camera();
     let middle = DVec2::new(rig.projector.width_px.into(), rig.projector.height_px.into()) / 2.0;
     let pixel_m = camera.ray(middle).angle_between(camera.ray(middle + DVec2::X)) * camera.position.length();

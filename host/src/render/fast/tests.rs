@@ -8,7 +8,7 @@ use super::level::Work;
 use super::solids::solids;
 use super::*;
 use crate::render::blur::eye_blur;
-use crate::render::plan::Projection;
+use crate::render::plan::{Edges, Projection};
 use crate::rigs;
 use crate::scene::{Scene, ShadedScene, ShadedTriangle, Shading, shade};
 use glam::{Vec2, Vec3, Vec3Swizzles};
