@@ -238,7 +238,7 @@ fn solids_are_closed_and_the_right_way_round() {
     assert!(solids(&turned).iter().all(|solid| !solid));
 }
 
-/// What Miri can run in a minute: the portable way, without threads.
+/// Little enough for Miri: the portable way, without threads.
 #[test]
 fn tiny() {
     let mut scene = white([Vec3::new(0.0, -0.02, 0.01), Vec3::new(0.03, 0.02, 0.0), Vec3::new(-0.03, 0.02, 0.0)]);
