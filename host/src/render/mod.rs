@@ -92,7 +92,7 @@ pub trait Prepared: Send {
     /// Renders what is wanted into `turn`, which [`dark_turn`] or an earlier call has made; the other slices stay as they are.
     fn render(&mut self, wanted: Wanted<'_>, turn: &mut Turn) -> Result<(), RenderError>;
 
-    /// Where the time of the last call of [`Prepared::render`] went, in order: of all cores together on the CPU, of the device on a GPU.
+    /// Where the time of the last call of [`Prepared::render`] went, in order: of all threads together, by the clock, on the CPU, of the device on a GPU.
     /// `None` where nobody has taken it.
     fn stages(&self) -> Option<Vec<(&'static str, Duration)>> {
         None
