@@ -50,11 +50,20 @@ pub fn check_memory(what: &'static str, needed: u64) -> Result<(), NotEnoughMemo
     }
 }
 
-/// Bytes that this process can still have: the machine's, or its control group's where those are fewer. Linux alone says it.
+/// Bytes that this process can still have: the machine's, or its control group's or its limit's where those are fewer. Linux alone
+/// says it.
 pub fn memory_left() -> Option<u64> {
-    let machine = kilobytes("/proc/meminfo", "MemAvailable:")?;
+    let machine = kilobytes("/proc/meminfo", "MemAvailable:")?.min(left_in_limit().unwrap_or(u64::MAX));
     let groups = fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
     Some(groups.lines().filter_map(left_in_group).fold(machine, u64::min))
+}
+
+/// What `ulimit -v` still allows, where it is set.
+fn left_in_limit() -> Option<u64> {
+    let limits = fs::read_to_string("/proc/self/limits").ok()?;
+    let line = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
+    let limit: u64 = line.split_whitespace().next()?.parse().ok()?;
+    Some(limit.saturating_sub(kilobytes("/proc/self/status", "VmSize:")?))
 }
 
 /// What a control group, a line `number:controllers:path` of `/proc/self/cgroup`, still allows. A cache that can be given back counts

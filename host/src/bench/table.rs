@@ -102,7 +102,7 @@ fn projection(projection: Projection) -> &'static str {
 /// Where the time goes, of the rows that say it.
 fn stages(rows: &[&Row]) -> String {
     let of_row = |row: &&&Row| {
-        let cores = if row.who.is_gpu() { "" } else { " of all threads, waiting included" };
+        let cores = if row.who.is_gpu() { "" } else { " of all threads" };
         let parts: Vec<String> = row.stages.iter().map(|(name, ms)| format!("{name} {}", short(*ms))).collect();
         wrapped(&format!(" {} {}, ms{cores}:", row.who, projection(row.plan.projection)), &parts) + "\n"
     };

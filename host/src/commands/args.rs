@@ -185,7 +185,7 @@ pub(super) struct RendererArgs {
     /// Who renders
     #[arg(long, value_enum, default_value = "auto")]
     pub renderer: Asked,
-    /// The GPU whose name contains NAME, in any case
+    /// Render on the GPU whose name contains NAME, in any case
     #[arg(long, value_name = "NAME")]
     pub adapter: Option<String>,
 }

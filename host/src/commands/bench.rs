@@ -80,9 +80,9 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     }
     let rig = rigs::find(&args.rig)?;
     let first = |count: usize| if args.quick { count.min(1) } else { count };
+    let scenes = load(args, first(args.scenes.len()))?;
     let (renderers, mut notes) = open(args)?;
     let whos: Vec<Who> = renderers.iter().map(|(who, _)| *who).collect();
-    let scenes = load(args, first(args.scenes.len()))?;
     let folder = args.out.as_deref().map(Folder::begin).transpose()?;
     let bar = progress("planning", scenes.len() as u64);
     let wish = Wish {

@@ -40,8 +40,9 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     args.scene.warn_of_size(&scene, &rig);
     let chosen = args.plan.choose(&shaded, &rig)?.choice.chosen;
     let plan = Plan { halftone: args.halftone, ..chosen.plan };
+    let renderer = args.renderer.open();
     let bar = progress("rendering slices", rig.rotation.slices.into());
-    let turn = args.renderer.open().render_turn(&shaded, &rig, &plan, &|| bar.inc(1))?;
+    let turn = renderer.render_turn(&shaded, &rig, &plan, &|| bar.inc(1))?;
     bar.finish_and_clear();
     let note =
         SceneNote { source: args.scene.scene.clone(), triangles: scene.triangles.len(), fit_m: args.scene.fit_m };
@@ -57,12 +58,13 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
         say_json(&json!({
             "out": args.out, "rig": rig.name, "slices": rotation.slices, "frames": rotation.frames,
             "pictures": pictures, "triangles": scene.triangles.len(), "lit_share": lit,
-            "plan": plan, "error_px": chosen.error_px,
+            "renderer": renderer.name(), "plan": plan, "error_px": chosen.error_px,
         }));
     } else {
         let kind = if plan.halftone == Halftone::Grey { "grey slices" } else { "frames of 24 slices" };
         say(format!("{}: {pictures} {kind}, {:.1} % lit", args.out.display(), lit * 100.0));
         say(format!("by {plan}: within {} px, {} triangles", pixels(chosen.error_px), chosen.work.triangles_a_slice));
+        say(format!("on {}", renderer.name()));
     }
     Ok(())
 }

@@ -83,7 +83,7 @@ impl WithFallback {
 
 impl Renderer for WithFallback {
     fn name(&self) -> String {
-        self.gpu.name()
+        if self.noticed.is_completed() { self.cpu.name() } else { self.gpu.name() }
     }
 
     fn prepare<'a>(

@@ -280,6 +280,13 @@ impl<'a> Chooser<'a> {
             };
             return Err(PlanError::TooAccurate { asked: px, reached: best.error_px, best: best.plan.to_string() });
         };
+        // Exact depth is dear. Pieces that bow less may do without it, and be cheaper.
+        if chosen.plan.depth == DepthTest::Exact && self.fixed.depth.is_none() {
+            match self.cheapest_within(px / 4.0) {
+                Ok(finer) if finer.chosen.cost_ms < chosen.cost_ms => return Ok(finer),
+                _ => {}
+            }
+        }
         Ok(Choice { chosen, candidates })
     }
 
