@@ -155,7 +155,7 @@ fn wrapped(start: &str, parts: &[String]) -> String {
     let (mut out, mut line) = (String::new(), start.to_string());
     for (index, part) in parts.iter().enumerate() {
         let part = format!(" {part}{}", if index + 1 < parts.len() { "," } else { "" });
-        if line.trim_start().chars().count() + part.chars().count() > 80 {
+        if line.trim_start_matches('\n').chars().count() + part.chars().count() > 80 {
             out += &line;
             line = "\n ".into();
         }
