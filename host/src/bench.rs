@@ -1,6 +1,7 @@
 //! Renderers against each other: how long a turn takes, on what, and where the time goes.
 
 pub mod draw;
+mod parts;
 pub mod rounds;
 pub mod table;
 pub mod who;

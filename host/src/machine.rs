@@ -1,6 +1,7 @@
 //! What this machine is, and what it has left.
 
 use core::time::Duration;
+use cpu_time::{ProcessTime, ThreadTime};
 use serde::Serialize;
 use std::fs;
 use std::path::Path;
@@ -95,13 +96,14 @@ fn kilobytes(file: &str, key: &str) -> Option<u64> {
     Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
 }
 
-/// The time that all threads of this process together have had a core. Linux alone says it.
+/// The time that all threads of this process together have had a core.
 pub fn processor_time() -> Option<Duration> {
-    let times = fs::read_dir("/proc/self/task").ok()?.flatten().filter_map(|task| {
-        let text = fs::read_to_string(task.path().join("schedstat")).ok()?;
-        text.split(' ').next()?.parse().ok().map(Duration::from_nanos)
-    });
-    Some(times.sum())
+    ProcessTime::try_now().ok().map(|time| time.as_duration())
+}
+
+/// The time that this thread has had a core.
+pub fn thread_time() -> Option<Duration> {
+    ThreadTime::try_now().ok().map(|time| time.as_duration())
 }
 
 #[cfg(test)]

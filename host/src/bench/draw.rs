@@ -1,5 +1,6 @@
 //! A report as a picture: time against triangles, and against slices.
 
+use super::parts;
 use super::who::Who;
 use super::{Report, Row};
 use crate::render::plan::Projection;
@@ -51,7 +52,7 @@ fn swept(report: &Report) -> Vec<&str> {
 }
 
 fn height(report: &Report) -> u32 {
-    MAIN_PX + SWEEP_PX * (swept(report).len() as u32).div_ceil(3)
+    MAIN_PX + SWEEP_PX * swept(report).len() as u32
 }
 
 fn paint<B: DrawingBackend>(area: &DrawingArea<B, Shift>, report: &Report) -> Drawing
@@ -67,8 +68,17 @@ where
     if scenes.is_empty() {
         return Ok(());
     }
-    let cells = below.split_evenly((scenes.len().div_ceil(3), scenes.len().min(3)));
-    scenes.iter().zip(cells).try_for_each(|(scene, cell)| by_slices(report, scene).paint(&cell))
+    let cells = below.split_evenly((scenes.len(), 1));
+    scenes.iter().zip(cells).try_for_each(|(scene, cell)| {
+        let (left, right) = cell.split_horizontally(WIDTH / 2);
+        by_slices(report, scene).paint(&left)?;
+        // Of the fastest that tells them.
+        let parts = |who: &Who| report.sweep(scene, *who).iter().any(|row| !row.stages.is_empty());
+        match [Who::CpuAvx512, Who::CpuAvx2, Who::CpuPortable].iter().find(|who| parts(who)) {
+            Some(who) => parts::paint(&right, &report.sweep(scene, *who)),
+            None => Ok(()),
+        }
+    })
 }
 
 fn colour(who: Who) -> RGBColor {

@@ -1,7 +1,7 @@
 //! Where the time of a task goes.
 
+use crate::machine::thread_time;
 use core::time::Duration;
-use std::time::Instant;
 
 /// A part of a slice.
 #[derive(Clone, Copy)]
@@ -19,25 +19,26 @@ impl Part {
         [("vertices", Self::Vertices), ("triangles", Self::Triangles), ("planes", Self::Planes)];
 }
 
-/// A sum of times, by parts.
+/// A sum of times of threads, by parts: what other programs take in between does not count.
 #[derive(Default)]
 pub struct Clock {
     parts: [Duration; Part::ALL.len()],
-    last: Option<Instant>,
+    last: Option<Duration>,
 }
 
 impl Clock {
     /// The next part begins.
     pub fn start(&mut self) {
-        self.last = Some(Instant::now());
+        self.last = thread_time();
     }
 
     /// `part` ends, and the next begins.
     pub fn end(&mut self, part: Part) {
-        let now = Instant::now();
-        if let Some(last) = self.last.replace(now) {
-            self.parts[part as usize] += now - last;
+        let now = thread_time();
+        if let (Some(last), Some(now)) = (self.last, now) {
+            self.parts[part as usize] += now.saturating_sub(last);
         }
+        self.last = now;
     }
 
     /// Takes over what `other` has.
