@@ -15,7 +15,7 @@ fn levels() -> impl Iterator<Item = Level> {
 /// Few cases for an interpreter, which has no folder to keep them in either.
 fn config() -> Config {
     match cfg!(miri) {
-        true => Config { cases: 3, failure_persistence: None, ..Config::default() },
+        true => Config { cases: 2, failure_persistence: None, ..Config::default() },
         false => Config::default(),
     }
 }
