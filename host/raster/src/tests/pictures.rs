@@ -193,7 +193,7 @@ fn inks_agree() {
         (0..3).map(|corner| weights[corner] * values[index][corner]).sum::<f32>() / WHITE
     };
     // The second time too large for the narrow arithmetic.
-    for scale in [1, 30] {
+    for scale in [1, 30].into_iter().take(if cfg!(miri) { 1 } else { 2 }) {
         let [right, bottom] = SIZE.map(|side| i64::from(side / 2 - 2) * 32);
         let [left, right, top, bottom] = [-right, right, -bottom * scale, bottom * scale];
         let corners = [[[left, top], [right, top], [right, bottom]], [[left, top], [right, bottom], [left, bottom]]];
