@@ -38,8 +38,9 @@ use std::sync::Arc;
 use glam::{DVec3, Vec2, Vec3};
 
 pub use error::{Fault, SceneError};
+pub use raster::Wrap;
 pub use shade::{ShadedScene, ShadedTriangle, Shading, lambert, light, luminance, shade};
-pub use texture::{Texture, Wrap, linear_from_srgb};
+pub use texture::{Texture, linear_from_srgb};
 
 /// The name that means [`Scene::builtin`] where a path to a file is asked for.
 pub const BUILTIN: &str = "builtin";

@@ -4,23 +4,12 @@ use std::io::Cursor;
 use std::sync::LazyLock;
 
 use glam::{Vec2, Vec3};
+use raster::Wrap;
 
 use super::Fault;
 
 /// Larger pictures are refused.
 const SIDE_MAX_PX: u32 = 16_384;
-
-/// What a texture shows outside of its unit square.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Wrap {
-    /// The same again.
-    #[default]
-    Repeat,
-    /// The same again, every other time mirrored.
-    Mirror,
-    /// Its border.
-    Clamp,
-}
 
 /// A picture with bilinear sampling in linear light. Texels are kept as they are stored, sRGB in 8 bits, so that they
 /// can be handed to a GPU as they are; [`Texture::texel`] and [`Texture::sample`] give linear RGB.

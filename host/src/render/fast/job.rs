@@ -1,17 +1,12 @@
 //! A scene on a rig, rendered slice by slice: a task a frame, or as many slices as are diffused together.
 
-use super::block::Block;
 use super::clock::{Clock, Part};
-use super::figure::{Figure, WHITE};
+use super::figure::figure;
 use super::front::front;
-use super::grid::{FAR_PX, Grid};
-use super::level::{Level, Work};
-use super::panel::Panel;
-use super::raster::{Scene, Touched, View, draw};
-use super::surface::{Bits, Greys, Surface};
-use super::vertices::Vertices;
 use crate::render::blur::eye_blur;
+use crate::render::canvas::shade;
 use crate::render::clear::owner;
+use crate::render::mesh::Mesh;
 use crate::render::plan::{Halftone, Plan};
 use crate::render::tessellate::tessellate;
 use crate::render::turn::Turn;
@@ -20,6 +15,9 @@ use crate::scene::ShadedScene;
 use core::time::Duration;
 use glam::DVec2;
 use protocol::rig::Rig;
+use raster::{
+    Bits, Block, FAR_PX, Figure, Greys, Grid, Level, Panel, Scene, Surface, Touched, Vertices, View, WHITE, Work, draw,
+};
 use rayon::prelude::*;
 use shaders::halftone::diffusion::{Kernel, Slices, diffuse_lanes};
 use shaders::halftone::mask::Mask;
@@ -41,6 +39,7 @@ pub struct Job<'a> {
     scene: &'a ShadedScene,
     rig: Rig,
     halftone: Halftone,
+    mesh: Mesh,
     figure: Figure,
     faces: Vec<FaceOptics<f32>>,
     /// One for each task at work; they are kept from turn to turn.
@@ -79,12 +78,14 @@ impl<'a> Job<'a> {
     /// `scene` by `plan`, with the instructions of `level`, which this machine must have.
     pub fn new(level: Level, scene: &'a ShadedScene, rig: &Rig, plan: &Plan) -> Result<Self, RenderError> {
         let optics = |face| FaceOptics::new(rig, face, plan.projection.into());
+        let mesh = tessellate(scene, rig, plan)?;
         Ok(Self {
             level,
             scene,
             rig: rig.clone(),
             halftone: plan.halftone,
-            figure: Figure::new(tessellate(scene, rig, plan)?, &scene.textures),
+            figure: figure(&mesh, &scene.textures),
+            mesh,
             faces: (0..rig.mirror.face.len()).map(optics).collect(),
             rooms: Mutex::default(),
             clock: Mutex::default(),
@@ -226,7 +227,7 @@ impl Work for Slice<'_, '_> {
     }
 }
 
-/// A luminance from what [`super::figure::level`] made of it, or a gradient that has been rounded.
+/// A luminance from what [`raster::level`] made of it, or a gradient that has been rounded.
 #[inline(always)]
 fn linear(level: i16) -> f32 {
     f32::from(level).max(0.0) / (WHITE - 1.0)
@@ -250,7 +251,8 @@ impl Job<'_> {
             let panel = |face| SliceOptics::new(&self.rig, face, theta, Model::Planar);
             room.panels.extend((0..self.faces.len()).map(panel));
         }
-        let scene = Scene { figure: &self.figure, textures: &self.scene.textures, grid: *grid };
+        let shade = |index: usize, weights| shade(&self.mesh.triangles[index], &self.scene.textures, weights);
+        let scene = Scene { figure: &self.figure, shade: &shade, grid: *grid };
         let mut touched = Touched::NONE;
         for (face, optics) in self.faces.iter().enumerate() {
             let projector = optics.slice(theta);
@@ -275,7 +277,7 @@ impl Job<'_> {
 
     /// A vertex that 16 bits may be too narrow for: the same numbers as in [`Vertices`], but for their range.
     fn corner(&self, grid: &Grid, projector: &SliceProjector<f32>, index: u32) -> [i64; 3] {
-        let position = self.figure.mesh.positions[index as usize].as_vec3().to_array();
+        let position = self.mesh.positions[index as usize].as_vec3().to_array();
         let vertex = projector.vertices(position.each_ref().map(core::array::from_ref::<f32>));
         let place = |axis: usize| {
             let pixel = vertex.pixel[axis][0].clamp(-FAR_PX, FAR_PX);

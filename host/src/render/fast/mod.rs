@@ -1,23 +1,13 @@
-//! The fast renderer on the CPU: blocks of 8 × 4 pixels in 16-bit fixed point, a task a frame.
+//! The fast renderer on the CPU: a task a frame, drawn by [`raster`] in blocks of 8 × 4 pixels in 16-bit fixed point.
 
-mod block;
 mod clock;
-mod cover;
 mod figure;
 mod front;
-mod grid;
 mod job;
-mod level;
-mod panel;
 mod picture;
-mod raster;
-mod setup;
 mod solids;
-mod surface;
 #[cfg(test)]
 mod tests;
-mod tile;
-mod vertices;
 
 use super::clear::ClearRenderer;
 use super::plan::{Halftone, Plan};
@@ -27,10 +17,10 @@ use crate::scene::ShadedScene;
 use glam::DVec2;
 use protocol::rig::Rig;
 
-pub use level::Level;
+pub use raster::Level;
 
-use grid::depth_step_m;
 use job::Job;
+use raster::depth_step_m;
 
 /// In scenes so large that depths less than this share of a pixel apart would be one, what lies behind would shine through: they are left
 /// to the clear renderer.

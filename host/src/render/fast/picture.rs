@@ -1,9 +1,9 @@
 //! Textures as luminances, for triangles that show them in one tint.
 
-use super::figure::WHITE;
 use crate::render::mesh::Triangle;
 use crate::scene::{Texture, Wrap, luminance};
 use glam::Vec3;
+use raster::{FULL, Picture, Skin, WHITE};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -13,93 +13,24 @@ const BYTES_MAX: usize = 128 << 20;
 const ALIKE: f32 = 1e-3;
 /// More tints of a texture are as many as a mesh with coloured vertices has.
 const TINTS_MAX: usize = 4;
-/// The luminance of a white texel.
-const FULL: f32 = 65_535.0;
-
-/// The luminances of a texture's texels in one tint: linear, in 16 bits, with a border of one texel as the texture wraps.
-pub struct Picture {
-    tint: Vec3,
-    sides: [f32; 2],
-    /// One over the length after which it repeats, along both axes: twice its side where it is mirrored.
-    per_period: [f32; 2],
-    wrap: [Wrap; 2],
-    stride: usize,
-    cells: Vec<u16>,
-}
-
-/// How a triangle shows a picture.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Skin {
-    /// An index of [`Pictures::all`].
-    pub picture: u32,
-    /// Places in the picture at the corners, in texels, not below 0 where it is repeated.
-    pub places: [[f32; 3]; 2],
-    /// What luminances at the corners are multiplied by, to be in parts of [`WHITE`].
-    pub gains: [f32; 3],
-}
-
-impl Picture {
-    fn new(texture: &Texture, tint: Vec3) -> Self {
-        let (width, height) = texture.size();
-        let wrap = texture.wrap();
-        let [columns, rows] = [(width, wrap[0]), (height, wrap[1])].map(|(side, wrap)| bordered(side, wrap));
-        let mut cells = vec![0; columns.len() * rows.len()];
-        cells.par_chunks_exact_mut(columns.len()).zip(&rows).for_each(|(cells, y)| {
-            for (cell, x) in cells.iter_mut().zip(&columns) {
-                *cell = (luminance(tint * texture.texel(*x, *y)) * FULL + 0.5) as u16;
-            }
-        });
-        let sides = [width as f32, height as f32];
-        let period = |axis: usize| if wrap[axis] == Wrap::Mirror { 2.0 * sides[axis] } else { sides[axis] };
-        Self { tint, sides, per_period: [1.0 / period(0), 1.0 / period(1)], wrap, stride: columns.len(), cells }
-    }
-
-    /// Between texels at `place`, in parts of [`FULL`].
-    #[inline(always)]
-    pub fn sample(&self, place: [f32; 2]) -> f32 {
-        let (x, fx) = self.cell(0, place[0]);
-        let (y, fy) = self.cell(1, place[1]);
-        let upper = &self.cells[y * self.stride + x..][..self.stride + 2];
-        let [a, b] = [upper[0], upper[1]].map(f32::from);
-        let [c, d] = [upper[self.stride], upper[self.stride + 1]].map(f32::from);
-        let (upper, lower) = (a + (b - a) * fx, c + (d - c) * fx);
-        upper + (lower - upper) * fy
-    }
-
-    /// The first of the two cells that a place lies between along an axis, and how far it lies toward the second.
-    #[inline(always)]
-    fn cell(&self, axis: usize, place: f32) -> (usize, f32) {
-        let side = self.sides[axis];
-        // Places are positive where this counts, so that the cast rounds down, which without SSE4.1 is a call.
-        let periods = (place * self.per_period[axis]) as u32 as f32;
-        let place = match self.wrap[axis] {
-            Wrap::Clamp => place,
-            Wrap::Repeat => place - side * periods,
-            Wrap::Mirror => {
-                let place = place - 2.0 * side * periods;
-                place.min(2.0 * side - place)
-            }
-        };
-        // Half a texel from its border to its centre, and one of the border; far away digits are lost, but no more.
-        let place = place.clamp(0.0, side) + 0.5;
-        let first = place as u32;
-        (first as usize, place - first as f32)
-    }
-}
-
-/// The texels of a row or column with its border.
-fn bordered(side: u32, wrap: Wrap) -> Vec<u32> {
-    // The mirror image begins with the border itself.
-    let [before, after] = if wrap == Wrap::Repeat { [side - 1, 0] } else { [0, side - 1] };
-    [before].into_iter().chain(0..side).chain([after]).collect()
+/// `texture` in one tint.
+fn picture(texture: &Texture, tint: Vec3) -> Picture {
+    let (width, height) = texture.size();
+    let mut texels = vec![0; width as usize * height as usize];
+    texels.par_chunks_exact_mut(width as usize).zip(0..height).for_each(|(texels, y)| {
+        for (x, texel) in (0..).zip(texels) {
+            *texel = (luminance(tint * texture.texel(x, y)) * FULL + 0.5) as u16;
+        }
+    });
+    Picture::new(width, texture.wrap(), &texels)
 }
 
 /// The pictures of a scene.
 pub struct Pictures {
     /// In the order in which triangles asked for them.
     pub all: Vec<Picture>,
-    /// Of each texture.
-    of_texture: Vec<Vec<u32>>,
+    /// Of each texture, with their tints.
+    of_texture: Vec<Vec<(u32, Vec3)>>,
     bytes: usize,
 }
 
@@ -126,7 +57,7 @@ impl Pictures {
         if !is_alike(tint) {
             return None;
         }
-        let known = self.of_texture[index].iter().copied().find(|picture| is_alike(self.all[*picture as usize].tint));
+        let known = self.of_texture[index].iter().find(|(_, tint)| is_alike(*tint)).map(|(picture, _)| *picture);
         let picture = match known {
             Some(picture) => picture,
             None => self.add(index, texture, tint)?,
@@ -150,8 +81,8 @@ impl Pictures {
             return None;
         }
         let picture = self.all.len() as u32;
-        self.all.push(Picture::new(texture, tint));
-        self.of_texture[index].push(picture);
+        self.all.push(self::picture(texture, tint));
+        self.of_texture[index].push((picture, tint));
         self.bytes += bytes;
         Some(picture)
     }

@@ -2,19 +2,15 @@ use super::super::clear::ClearRenderer;
 use super::super::mesh::Mesh;
 use super::super::turn::Turn;
 use super::super::{Renderer, Wanted, dark_turn};
-use super::block::Portable;
-use super::job::{Room, Slice};
-use super::level::Work;
 use super::solids::solids;
 use super::*;
-use crate::render::blur::eye_blur;
 use crate::render::plan::{Edges, Projection};
 use crate::render::tessellate::tessellate;
 use crate::rigs;
 use crate::scene::{Scene, ShadedScene, ShadedTriangle, Shading, shade};
-use glam::{DVec2, Vec2, Vec3, Vec3Swizzles};
+use glam::{DVec2, Vec2, Vec3};
 use proptest::prelude::*;
-use shaders::halftone::{Slot, plane_stride};
+use shaders::halftone::plane_stride;
 use shaders::project::methods::FaceOptics;
 use std::path::Path;
 
@@ -252,28 +248,6 @@ fn solids_are_closed_and_the_right_way_round() {
     let mut turned = whole.clone();
     turned.triangles.iter_mut().for_each(|triangle| triangle.corners.reverse());
     assert!(solids(&turned).iter().all(|solid| !solid));
-}
-
-/// Little enough for Miri: the portable way, without threads.
-#[test]
-fn tiny() {
-    let mut scene = white([Vec3::new(0.0, -0.02, 0.01), Vec3::new(0.03, 0.02, 0.0), Vec3::new(-0.03, 0.02, 0.0)]);
-    let mut shaded = scene.triangles[0];
-    shaded.positions = shaded.positions.map(|position| position.yxz());
-    shaded.radiance = [Vec3::ONE, Vec3::splat(0.2), Vec3::ZERO];
-    let mut wide = scene.triangles[0];
-    wide.positions = wide.positions.map(|position| 10.0 * position);
-    scene.triangles.extend([shaded, wide]);
-    let rig = small("reference", 16);
-    for halftone in [Halftone::Bayer, Halftone::Grey] {
-        let plan = Plan { edges: Edges::Straight, ..plan(halftone) };
-        let job = Job::new(Level::Portable, &scene, &rig, &plan).unwrap();
-        let mut turn = dark_turn(&rig, &plan).unwrap();
-        let slot = Slot { slice: 5, turn: 0, blur: eye_blur(&rig, 5) };
-        let (grid, mut room) = (job.grid(&turn), Room::default());
-        Slice { job: &job, grid, slot, room: &mut room, bytes: turn.slice_mut(5) }.run::<Portable, 4>();
-        assert!(turn.mean(5) > 0.1, "{halftone}: {}", turn.mean(5));
-    }
 }
 
 #[test]

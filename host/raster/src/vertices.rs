@@ -16,7 +16,7 @@ pub const OFF: i32 = 0x3F << 16;
 
 /// The vertices of one face in one slice: x, y and depth in 16 bits each, and what else is known.
 #[derive(Default)]
-pub struct Vertices(Vec<[u64; VERTEX_LANES]>);
+pub struct Vertices(pub(crate) Vec<[u64; VERTEX_LANES]>);
 
 impl Vertices {
     /// Projects them.

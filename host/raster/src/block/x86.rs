@@ -1,6 +1,7 @@
 //! Blocks in the registers of x86-64: AVX2 and AVX-512.
 //!
-//! Their methods are `inline(always)` and end in functions that enable the instructions: see [`super::super::level`].
+//! Their methods are `inline(always)` and end in functions that enable the instructions: see [`crate::level`], which alone names these
+//! types, and gives them only to work on machines that have the instructions.
 #![allow(unsafe_code)]
 
 use super::{Block, COLUMNS, PIXELS, Portable};
@@ -35,6 +36,23 @@ unsafe fn store_pair(pair: __m256i, to: *mut i16, stride: usize) {
     unsafe {
         _mm_storeu_si128(to.cast(), _mm256_castsi256_si128(pair));
         _mm_storeu_si128(to.add(stride).cast(), _mm256_extracti128_si256::<1>(pair));
+    }
+}
+
+/// Methods that are one instruction a register.
+macro_rules! instructions {
+    ($($method:ident: $instruction:ident,)*) => {$(
+        #[inline(always)]
+        fn $method(self, other: Self) -> Self {
+            self.zip(other, |a, b| unsafe { $instruction(a, b) })
+        }
+    )*};
+}
+
+impl Avx512 {
+    #[inline(always)]
+    fn zip(self, other: Self, operation: impl Fn(__m512i, __m512i) -> __m512i) -> Self {
+        Self(operation(self.0, other.0))
     }
 }
 
@@ -101,8 +119,12 @@ impl Block for Avx512 {
 
     #[inline(always)]
     unsafe fn gather<const N: usize>(table: &[u64], indices: &[u32; N]) -> [u64; N] {
-        let mut values = [0; N];
         const { assert!(N == 16) };
+        if cfg!(miri) {
+            // Miri does not know the instruction; the caller's promise is the same.
+            return unsafe { Portable::gather(table, indices) };
+        }
+        let mut values = [0; N];
         for half in 0..2 {
             // Half an array of indices, and of values, is as large as a register; indices are in the table, as the caller has made sure,
             // and do not reach half of what 32 bits hold.
@@ -115,44 +137,19 @@ impl Block for Avx512 {
         values
     }
 
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        Self(unsafe { _mm512_add_epi16(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn add_saturating(self, other: Self) -> Self {
-        Self(unsafe { _mm512_adds_epi16(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        Self(unsafe { _mm512_mullo_epi16(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn and(self, other: Self) -> Self {
-        Self(unsafe { _mm512_and_si512(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn or(self, other: Self) -> Self {
-        Self(unsafe { _mm512_or_si512(self.0, other.0) })
+    instructions! {
+        add: _mm512_add_epi16,
+        add_saturating: _mm512_adds_epi16,
+        mul: _mm512_mullo_epi16,
+        and: _mm512_and_si512,
+        or: _mm512_or_si512,
+        min: _mm512_min_epi16,
+        max: _mm512_max_epi16,
     }
 
     #[inline(always)]
     fn and_not(self, mask: Self) -> Self {
         Self(unsafe { _mm512_andnot_si512(mask.0, self.0) })
-    }
-
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        Self(unsafe { _mm512_min_epi16(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        Self(unsafe { _mm512_max_epi16(self.0, other.0) })
     }
 
     #[inline(always)]
@@ -245,44 +242,19 @@ impl Block for Avx2 {
         unsafe { Portable::gather(table, indices) }
     }
 
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        self.zip(other, |a, b| unsafe { _mm256_add_epi16(a, b) })
-    }
-
-    #[inline(always)]
-    fn add_saturating(self, other: Self) -> Self {
-        self.zip(other, |a, b| unsafe { _mm256_adds_epi16(a, b) })
-    }
-
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        self.zip(other, |a, b| unsafe { _mm256_mullo_epi16(a, b) })
-    }
-
-    #[inline(always)]
-    fn and(self, other: Self) -> Self {
-        self.zip(other, |a, b| unsafe { _mm256_and_si256(a, b) })
-    }
-
-    #[inline(always)]
-    fn or(self, other: Self) -> Self {
-        self.zip(other, |a, b| unsafe { _mm256_or_si256(a, b) })
+    instructions! {
+        add: _mm256_add_epi16,
+        add_saturating: _mm256_adds_epi16,
+        mul: _mm256_mullo_epi16,
+        and: _mm256_and_si256,
+        or: _mm256_or_si256,
+        min: _mm256_min_epi16,
+        max: _mm256_max_epi16,
     }
 
     #[inline(always)]
     fn and_not(self, mask: Self) -> Self {
         self.zip(mask, |a, b| unsafe { _mm256_andnot_si256(b, a) })
-    }
-
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        self.zip(other, |a, b| unsafe { _mm256_min_epi16(a, b) })
-    }
-
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        self.zip(other, |a, b| unsafe { _mm256_max_epi16(a, b) })
     }
 
     #[inline(always)]

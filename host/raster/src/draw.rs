@@ -9,15 +9,15 @@ use super::picture::Picture;
 use super::setup::Setup;
 use super::surface::Surface;
 use super::vertices::Vertices;
-use crate::render::canvas::shade;
-use crate::scene::Texture;
 use core::ops::Range;
-use std::sync::Arc;
 
 /// What pixels of a slice are filled with, and by which rules.
 pub struct Scene<'a> {
+    /// The triangles.
     pub figure: &'a Figure,
-    pub textures: &'a [Arc<Texture>],
+    /// The luminance of a triangle whose ink is [`Ink::Shaded`], at given weights of its corners.
+    pub shade: &'a dyn Fn(usize, [f32; 3]) -> f32,
+    /// How pixels and depths are numbers.
     pub grid: Grid,
 }
 
@@ -36,7 +36,9 @@ pub struct View<'a> {
 /// The pixels that have been filled, or lie between such, from first to last: half open.
 #[derive(Clone, Copy, Debug)]
 pub struct Touched {
+    /// Column and row.
     pub first: [i32; 2],
+    /// Column and row beyond the last.
     pub end: [i32; 2],
 }
 
@@ -226,7 +228,7 @@ impl<S: Surface> Painter<'_, '_, S> {
         for pixel in lanes(open) {
             let place = [x + (pixel % COLUMNS) as i32, y + (pixel / COLUMNS) as i32];
             let weights = corners.weights(place, &self.scene.grid);
-            luminances[pixel] = level(shade(&self.scene.figure.mesh.triangles[index], self.scene.textures, weights));
+            luminances[pixel] = level((self.scene.shade)(index, weights));
         }
         luminances
     }
@@ -235,7 +237,7 @@ impl<S: Surface> Painter<'_, '_, S> {
     #[inline(always)]
     fn wide<B: Block>(&mut self, index: usize) {
         let Scene { figure, grid, .. } = self.scene;
-        let mut vertices = figure.mesh.triangles[index].corners.map(|corner| (self.view.corner)(corner));
+        let mut vertices = figure.triangle(index).map(|corner| (self.view.corner)(corner));
         let unturned = Corners(vertices.map(|[x, y, _]| [x, y]));
         let area = unturned.edge(0, 1, unturned.0[2]);
         let is_back = figure.solids::<1>(index) & 1 != 0 && area.signum() * i64::from(self.view.front) < 0;
