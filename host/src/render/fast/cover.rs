@@ -45,7 +45,9 @@ impl Weights {
         let origin = triangle.0[0];
         let arm = |corner: usize| [0, 1].map(|axis| (triangle.0[corner][axis] - origin[axis]) as f64 / steps);
         let ([bx, by], [cx, cy]) = (arm(1), arm(2));
-        let per_area = 1.0 / (bx * cy - by * cx);
+        let area = bx * cy - by * cx;
+        // What covers pixels by its steps may be a line by finer ones.
+        let per_area = if area == 0.0 { 0.0 } else { 1.0 / area };
         let [x, y] = [0, 1].map(|axis| {
             let centre = f64::from(at[axis] + CENTRE[axis] - grid.origin[axis]) + 0.5;
             centre - origin[axis] as f64 / steps
