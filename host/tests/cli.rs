@@ -371,6 +371,10 @@ fn bad_arguments_are_refused_on_one_line() {
     desk.refuses("see turn --from 0,1,1 --rays 0 --out a.png", &["--rays"]);
     desk.refuses("see turn --from 0,1,1 --window-m -1 --out a.png", &["--window-m", "from 0.000001"]);
     desk.refuses("see turn --from 0,1,1e300 --out a.png", &["--from", "1e9"]);
+    for command in ["render builtin --rig small.toml", "bake builtin --rig small.toml", "demo"] {
+        let arguments = format!("{command} --out a --renderer cpu --adapter llvmpipe");
+        desk.refuses(&arguments, &["--adapter llvmpipe", "--renderer cpu", "auto and gpu"]);
+    }
     desk.refuses("paint", &["paint"]);
 }
 
@@ -491,5 +495,6 @@ fn renderers_are_timed_and_bad_wishes_refused() {
     desk.refuses(&format!("{bench} --renderer fast"), &["--renderer", "cpu-portable", "gpu-slice"]);
     desk.refuses(&format!("{bench} --adapter nosuch"), &["gpu-slice", "no GPU adapter", "nosuch"]);
     desk.refuses(&format!("{bench} --renderer gpu-compute --adapter nosuch"), &["gpu-compute", "nosuch"]);
+    desk.refuses(&format!("{bench} --renderer clear --adapter nosuch"), &["--adapter nosuch", "--renderer"]);
     desk.refuses(&format!("{bench} --halftone joint"), &["joint", "blue-noise"]);
 }

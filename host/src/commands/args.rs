@@ -192,9 +192,14 @@ pub(super) struct RendererArgs {
 
 impl RendererArgs {
     /// The renderer; a warning where the GPU that was asked for cannot be had, or as soon as it fails.
-    pub(super) fn open(&self) -> Box<dyn Renderer> {
+    pub(super) fn open(&self) -> Result<Box<dyn Renderer>, Failure> {
+        if let (Asked::Cpu, Some(name)) = (self.renderer, &self.adapter) {
+            return Err(Failure(format!(
+                "--adapter {name}: with --renderer cpu no GPU renders, allowed are auto and gpu"
+            )));
+        }
         let notice = |error: &_| warn(format!("{error}: rendering on the CPU"));
-        pick(self.renderer, self.adapter.as_deref(), Box::new(notice))
+        Ok(pick(self.renderer, self.adapter.as_deref(), Box::new(notice)))
     }
 }
 
