@@ -48,11 +48,9 @@ impl Vertices {
     #[inline(always)]
     pub fn fine(&self, index: u32) -> [i64; 2] {
         let packed = self.packed()[index as usize];
-        [0, 1].map(|axis| {
-            let step = i64::from((packed >> (16 * axis)) as i16);
-            // Four bits, the first of which is the sign.
-            (step << FINE) + ((packed << (60 - FINE_AT[axis])) as i64 >> 60)
-        })
+        // Four bits each, the first of which is the sign.
+        let [more_x, more_y] = [(packed << (60 - FINE_AT[0])) as i64 >> 60, (packed << (60 - FINE_AT[1])) as i64 >> 60];
+        [(i64::from(packed as i16) << FINE) + more_x, (i64::from((packed >> 16) as i16) << FINE) + more_y]
     }
 
     /// All of them, in the order of the figure's.
