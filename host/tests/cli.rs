@@ -178,6 +178,21 @@ fn a_plan_is_explained_and_impossible_ones_are_refused() {
     desk.refuses("render far.obj --rig small.toml --out turn", &["nothing", "visible"]);
 }
 
+/// On a terminal, which `script` plays; nothing of it stays.
+#[test]
+#[cfg(target_os = "linux")]
+fn waiting_is_shown_on_a_terminal_alone() {
+    let desk = Desk::new();
+    let plan = "plan knot-5k --rig small.toml";
+    assert!(desk.run(plan).stderr.is_empty());
+    let line = format!("{} {plan}", env!("CARGO_BIN_EXE_praxi"));
+    let Ok(shown) = Command::new("script").args(["-qec", &line, "/dev/null"]).current_dir(&desk.folder).output() else {
+        return println!("skipped: there is no script to play a terminal");
+    };
+    let shown = String::from_utf8(shown.stdout).unwrap();
+    assert!(shown.contains("choosing methods") && shown.contains("weighing other methods"), "{shown:?}");
+}
+
 #[test]
 fn a_chart_is_written_whole() {
     let desk = Desk::new();

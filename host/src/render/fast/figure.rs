@@ -78,7 +78,7 @@ pub struct Figure {
     flat: Vec<u32>,
     /// Luminances of flat inks.
     pub luminances: Vec<i16>,
-    /// The distance of the farthest vertex from the origin in metres: no depth is beyond it.
+    /// The distance of the farthest corner of a triangle from the origin in metres: no depth that is drawn is beyond it.
     pub radius_m: f32,
 }
 
@@ -98,7 +98,7 @@ impl Figure {
         let flat: Vec<_> = inks.iter().map(|ink| matches!(ink, Ink::Flat(_))).collect();
         let luminance = |ink: &Ink| if let Ink::Flat(luminance) = ink { *luminance } else { 0 };
         let bits = |group: &[bool]| (0..).zip(group).map(|(lane, solid)| u32::from(*solid) << lane).sum();
-        let radius_m = mesh.positions.iter().map(|position| position.length()).fold(0.0, f64::max) as f32;
+        let radius_m = mesh.radius_m() as f32;
         Self {
             positions: [0, 1, 2].map(axis),
             corners: [0, 1, 2].map(corner),

@@ -66,7 +66,7 @@ pub struct Room {
 }
 
 impl<'a> Job<'a> {
-    /// The distance of the farthest vertex from the origin, of what was left when long edges had been cut and far pieces left out.
+    /// The distance of the farthest corner from the origin, of what was left when long edges had been cut and far pieces left out.
     pub fn radius_m(&self) -> f32 {
         self.figure.radius_m
     }

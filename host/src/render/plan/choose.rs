@@ -185,7 +185,7 @@ impl<'a> Chooser<'a> {
             fixed.projection.is_none_or(|fixed| fixed == plan.projection)
                 && fixed.precision.is_none_or(|fixed| fixed == plan.precision)
         });
-        let near_viewers = reaches_viewers(scene, rig);
+        let near_viewers = reaches_viewers(&straight, rig);
         // Rays cost the same by every projection, and far points take long: where only rays will do, by the exact one if it is allowed.
         let mut ways: Vec<Candidate> = match near_viewers.then(|| exact(scene, rig, &straight, fixed)) {
             Some(Ok(exact)) => vec![exact],
@@ -364,12 +364,11 @@ fn exact(scene: &ShadedScene, rig: &Rig, straight: &Mesh, fixed: Fixed) -> Resul
     Ok(Candidate { plan, error_px: FLOOR_PX, error_arcmin: 0.0, depth_m: 0.0, cost_ms, work })
 }
 
-/// Whether `scene` comes so near to where viewers are that pieces of it pass them, which only rays draw right.
-fn reaches_viewers(scene: &ShadedScene, rig: &Rig) -> bool {
+/// Whether what is left of a scene in `mesh` comes so near to where viewers are that pieces of it pass them, which only rays draw right.
+fn reaches_viewers(mesh: &Mesh, rig: &Rig) -> bool {
     let Viewers::Circle { distance_m, .. } = rig.viewers() else { return false };
-    let corners = scene.triangles.iter().flat_map(|triangle| triangle.positions);
-    let radius = corners.map(|position| position.with_y(0.0).length()).fold(0.0, f32::max);
-    f64::from(radius) > 0.9 * distance_m
+    let corners = mesh.triangles.iter().flat_map(|triangle| mesh.corners(triangle));
+    corners.map(|position| position.with_y(0.0).length()).fold(0.0, f64::max) > 0.9 * distance_m
 }
 
 /// The first, which is the cheapest, of those with the smallest error.
