@@ -182,7 +182,6 @@ fn a_larger_time_budget_never_buys_a_larger_error() {
     assert!(errors.len() > 1 && errors.is_sorted_by(|a, b| a >= b), "{errors:?}");
 }
 
-/// A wall through the display that passes its viewers: pieces of it have no pixel for some, which a sample need not meet.
 #[test]
 fn what_nobody_sees_changes_no_plan() {
     let (mut scene, rig) = (scene("knot-5k"), rig("reference"));
@@ -194,6 +193,7 @@ fn what_nobody_sees_changes_no_plan() {
     assert_eq!(chosen(&scene, &rig, 0.5).unwrap().edges, alone.edges);
 }
 
+/// A wall through the display that passes its viewers: pieces of it have no pixel for some, which a sample need not meet.
 #[test]
 fn a_scene_that_passes_the_viewers_is_drawn_by_rays() {
     for side in [1.0, 10.0, 1000.0] {

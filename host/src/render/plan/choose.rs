@@ -3,12 +3,13 @@
 use super::cost::{Work, turn_ns, vertex_ns};
 use super::error::geometric_error;
 use super::{DepthTest, Edges, Halftone, Plan, Precision, Projection};
+use crate::render::bow::reach_m;
 use crate::render::clear::ClearRenderer;
 use crate::render::mesh::Mesh;
-use crate::render::tessellate::tessellate;
+use crate::render::tessellate::{is_out_of_reach, tessellate};
 use crate::render::{RenderError, Renderer, anything_visible};
 use crate::scene::ShadedScene;
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use protocol::rig::{Rig, Viewers};
 use serde::Serialize;
 use shaders::project::{Model, SliceOptics};
@@ -185,7 +186,7 @@ impl<'a> Chooser<'a> {
             fixed.projection.is_none_or(|fixed| fixed == plan.projection)
                 && fixed.precision.is_none_or(|fixed| fixed == plan.precision)
         });
-        let near_viewers = reaches_viewers(&straight, rig);
+        let near_viewers = reaches_viewers(scene, rig);
         // Rays cost the same by every projection, and far points take long: where only rays will do, by the exact one if it is allowed.
         let mut ways: Vec<Candidate> = match near_viewers.then(|| exact(scene, rig, &straight, fixed)) {
             Some(Ok(exact)) => vec![exact],
@@ -364,10 +365,13 @@ fn exact(scene: &ShadedScene, rig: &Rig, straight: &Mesh, fixed: Fixed) -> Resul
     Ok(Candidate { plan, error_px: FLOOR_PX, error_arcmin: 0.0, depth_m: 0.0, cost_ms, work })
 }
 
-/// Whether what is left of a scene in `mesh` comes so near to where viewers are that pieces of it pass them, which only rays draw right.
-fn reaches_viewers(mesh: &Mesh, rig: &Rig) -> bool {
+/// Whether `scene` comes so near to where viewers are that pieces of it pass them, which only rays draw right. Triangles that lie
+/// wholly beyond all sight lines do not count.
+fn reaches_viewers(scene: &ShadedScene, rig: &Rig) -> bool {
     let Viewers::Circle { distance_m, .. } = rig.viewers() else { return false };
-    let corners = mesh.triangles.iter().flat_map(|triangle| mesh.corners(triangle));
+    let reach_m = reach_m(rig);
+    let triangles = scene.triangles.iter().map(|triangle| triangle.positions.map(DVec3::from));
+    let corners = triangles.filter(|corners| !is_out_of_reach(*corners, reach_m)).flatten();
     corners.map(|position| position.with_y(0.0).length()).fold(0.0, f64::max) > 0.9 * distance_m
 }
 
