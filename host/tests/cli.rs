@@ -178,6 +178,21 @@ fn a_plan_is_explained_and_impossible_ones_are_refused() {
     desk.refuses("render far.obj --rig small.toml --out turn", &["nothing", "visible"]);
 }
 
+/// On a terminal, which `script` plays; nothing of it stays.
+#[test]
+#[cfg(target_os = "linux")]
+fn waiting_is_shown_on_a_terminal_alone() {
+    let desk = Desk::new();
+    let plan = "plan knot-5k --rig small.toml";
+    assert!(desk.run(plan).stderr.is_empty());
+    let line = format!("{} {plan}", env!("CARGO_BIN_EXE_praxi"));
+    let Ok(shown) = Command::new("script").args(["-qec", &line, "/dev/null"]).current_dir(&desk.folder).output() else {
+        return println!("skipped: there is no script to play a terminal");
+    };
+    let shown = String::from_utf8(shown.stdout).unwrap();
+    assert!(shown.contains("choosing methods") && shown.contains("weighing other methods"), "{shown:?}");
+}
+
 #[test]
 fn a_chart_is_written_whole() {
     let desk = Desk::new();
@@ -371,6 +386,10 @@ fn bad_arguments_are_refused_on_one_line() {
     desk.refuses("see turn --from 0,1,1 --rays 0 --out a.png", &["--rays"]);
     desk.refuses("see turn --from 0,1,1 --window-m -1 --out a.png", &["--window-m", "from 0.000001"]);
     desk.refuses("see turn --from 0,1,1e300 --out a.png", &["--from", "1e9"]);
+    for command in ["render builtin --rig small.toml", "bake builtin --rig small.toml", "demo"] {
+        let arguments = format!("{command} --out a --renderer cpu --adapter llvmpipe");
+        desk.refuses(&arguments, &["--adapter llvmpipe", "--renderer cpu", "auto and gpu"]);
+    }
     desk.refuses("paint", &["paint"]);
 }
 
@@ -491,5 +510,6 @@ fn renderers_are_timed_and_bad_wishes_refused() {
     desk.refuses(&format!("{bench} --renderer fast"), &["--renderer", "cpu-portable", "gpu-slice"]);
     desk.refuses(&format!("{bench} --adapter nosuch"), &["gpu-slice", "no GPU adapter", "nosuch"]);
     desk.refuses(&format!("{bench} --renderer gpu-compute --adapter nosuch"), &["gpu-compute", "nosuch"]);
+    desk.refuses(&format!("{bench} --renderer clear --adapter nosuch"), &["--adapter nosuch", "--renderer"]);
     desk.refuses(&format!("{bench} --halftone joint"), &["joint", "blue-noise"]);
 }

@@ -54,8 +54,6 @@ pub struct Exact<'a> {
     pub plan: Plan,
     /// The slices.
     pub slices: &'a [u32],
-    /// The share of all lit bits that may differ: [`SHARE_MAX`] where nothing else is said.
-    pub share_max: f64,
     binary: Turn,
     /// For each of the slices, the pixels that may show something else.
     doubtful: Vec<Vec<bool>>,
@@ -79,15 +77,7 @@ impl<'a> Exact<'a> {
             }
             doubtful
         });
-        Self {
-            scene,
-            rig,
-            plan,
-            slices,
-            doubtful: doubtful.collect(),
-            share_max: SHARE_MAX,
-            binary: render(plan.halftone),
-        }
+        Self { scene, rig, plan, slices, doubtful: doubtful.collect(), binary: render(plan.halftone) }
     }
 
     /// What `renderer` does, slice by slice.
@@ -107,7 +97,7 @@ impl<'a> Exact<'a> {
         println!("{name}: {:.4} % of {lit} lit bits differ", 100.0 * differing as f64 / lit.max(1) as f64);
         let broken: Vec<_> = found.iter().filter(|one| !one.holds()).collect();
         assert!(broken.is_empty(), "{name}: {broken:?}");
-        assert!(differing as f64 <= self.share_max * lit as f64, "{name}: {differing} of {lit} bits differ");
+        assert!(differing as f64 <= SHARE_MAX * lit as f64, "{name}: {differing} of {lit} bits differ");
         assert!(lit > 100, "{name}: hardly anything is seen");
     }
 

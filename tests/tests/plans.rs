@@ -9,7 +9,7 @@ use host::scene::{Scene, ShadedScene, Shading, shade};
 use protocol::rig::Rig;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use tests::{builtin, bunny, rig, scene_of, triangle};
+use tests::{builtin, bunny, rig, scene, scene_of, triangle};
 
 fn boxes() -> ShadedScene {
     shade(&Scene::load("boxes").expect("built in"), Shading::Lambert, false)
@@ -180,6 +180,17 @@ fn a_larger_time_budget_never_buys_a_larger_error() {
     let errors: Vec<f64> =
         [1e2, 5e3, 1e6].into_iter().filter_map(within).map(|choice| choice.chosen.error_px).collect();
     assert!(errors.len() > 1 && errors.is_sorted_by(|a, b| a >= b), "{errors:?}");
+}
+
+#[test]
+fn what_nobody_sees_changes_no_plan() {
+    let (mut scene, rig) = (scene("knot-5k"), rig("reference"));
+    let alone = chosen(&scene, &rig, 0.5).unwrap();
+    for far in [Vec3::new(1000.0, 0.0, 0.0), Vec3::new(0.0, 1000.0, 0.0)] {
+        let corners = [Vec3::ZERO, Vec3::Y, Vec3::X].map(|corner| (far + corner).to_array());
+        scene.triangles.push(triangle(corners, 0.6));
+    }
+    assert_eq!(chosen(&scene, &rig, 0.5).unwrap().edges, alone.edges);
 }
 
 /// A wall through the display that passes its viewers: pieces of it have no pixel for some, which a sample need not meet.

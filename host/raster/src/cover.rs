@@ -40,29 +40,31 @@ pub struct Weights([[f64; 3]; 2]);
 
 impl Weights {
     /// Of `triangle`, from the centre of the block at `at`.
+    #[inline(always)]
     pub fn new(triangle: &Corners, at: [i32; 2], grid: &Grid) -> Self {
         let steps = f64::from(grid.steps());
-        let origin = triangle.0[0];
-        let arm = |corner: usize| [0, 1].map(|axis| (triangle.0[corner][axis] - origin[axis]) as f64 / steps);
-        let ([bx, by], [cx, cy]) = (arm(1), arm(2));
-        let per_area = 1.0 / (bx * cy - by * cx);
-        let [x, y] = [0, 1].map(|axis| {
-            let centre = f64::from(at[axis] + CENTRE[axis] - grid.origin[axis]) + 0.5;
-            centre - origin[axis] as f64 / steps
-        });
-        let weight = |across: f64, down: f64| {
-            let (across, down) = (across * per_area, down * per_area);
-            [across * x + down * y, across, down]
-        };
-        Self([weight(cy, -cx), weight(-by, bx)])
+        let [origin, b, c] = triangle.0;
+        let [bx, by] = [(b[0] - origin[0]) as f64 / steps, (b[1] - origin[1]) as f64 / steps];
+        let [cx, cy] = [(c[0] - origin[0]) as f64 / steps, (c[1] - origin[1]) as f64 / steps];
+        let area = bx * cy - by * cx;
+        // What covers pixels by its steps may be a line by finer ones.
+        let per_area = if area == 0.0 { 0.0 } else { 1.0 / area };
+        let x = f64::from(at[0] + CENTRE[0] - grid.origin[0]) + 0.5 - origin[0] as f64 / steps;
+        let y = f64::from(at[1] + CENTRE[1] - grid.origin[1]) + 0.5 - origin[1] as f64 / steps;
+        let [b_across, b_down, c_across, c_down] = [cy * per_area, -cx * per_area, -by * per_area, bx * per_area];
+        Self([[b_across * x + b_down * y, b_across, b_down], [c_across * x + c_down * y, c_across, c_down]])
     }
 
     /// What has `values` at the corners.
+    #[inline(always)]
     pub fn slope(&self, values: [f32; 3]) -> Slope {
-        let [second, third] = self.0;
-        let [one, other] = [values[1] - values[0], values[2] - values[0]].map(f64::from);
-        let [value, across, down] = [0, 1, 2].map(|part| (second[part] * one + third[part] * other) as f32);
-        Slope { value: values[0] + value, across, down }
+        let [second, third] = &self.0;
+        let (one, other) = (f64::from(values[1] - values[0]), f64::from(values[2] - values[0]));
+        Slope {
+            value: values[0] + (second[0] * one + third[0] * other) as f32,
+            across: (second[1] * one + third[1] * other) as f32,
+            down: (second[2] * one + third[2] * other) as f32,
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use super::block::{Block, CENTRE, COLUMNS, PIXELS, ROWS};
 use super::cover::{Blocks, Corners, Covered, Slope, Weights, outside_of_first};
 use super::figure::{Figure, Ink, WHITE, level};
-use super::grid::{Grid, rounded};
+use super::grid::{Grid, nearest_step, rounded};
 use super::panel::Panel;
 use super::picture::Picture;
 use super::setup::Setup;
@@ -29,8 +29,8 @@ pub struct View<'a> {
     pub is_shared: bool,
     /// The sign of the area of fronts; 0 if not known.
     pub front: i32,
-    /// x and y in steps and depth of vertex `index`.
-    pub corner: &'a dyn Fn(u32) -> [i64; 3],
+    /// x and y in the steps of [`Grid::finer`] and depth of vertex `index`.
+    pub corner: &'a dyn Fn(u32) -> [i32; 3],
 }
 
 /// The pixels that have been filled, or lie between such, from first to last: half open.
@@ -89,7 +89,7 @@ pub fn draw<B: Block, const N: usize, S: Surface>(
         if others | setup.wide == 0 {
             continue;
         }
-        let mut painter = Painter { scene, view, panel, surface, touched, is_cut: false };
+        let mut painter = Painter { scene, view, vertices, panel, surface, touched, is_cut: false };
         for lane in lanes(others) {
             painter.is_cut = cut >> lane & 1 != 0;
             painter.triangle::<B, N>(&setup, lane, group * N + lane);
@@ -160,9 +160,10 @@ enum Paint<'a> {
     Shaded(&'a Corners, usize),
 }
 
-/// The paint of triangle `index` by its ink, on blocks from the one at `first` on.
+/// The paint of triangle `index` by its ink, on blocks from the one at `first` on; `corners` in the steps of [`Grid::finer`].
+#[inline(always)]
 fn paint<'a>(scene: &'a Scene<'_>, corners: &'a Corners, ink: Ink, first: [i32; 2], index: usize) -> Paint<'a> {
-    let weights = || Weights::new(corners, first, &scene.grid);
+    let weights = || Weights::new(corners, first, &scene.grid.finer());
     match ink {
         Ink::Flat(luminance) => Paint::Flat(luminance),
         Ink::Smooth(luminances) => Paint::Smooth(weights().slope(luminances)),
@@ -178,6 +179,7 @@ fn paint<'a>(scene: &'a Scene<'_>, corners: &'a Corners, ink: Ink, first: [i32; 
 struct Painter<'a, 'b, S> {
     scene: &'a Scene<'b>,
     view: &'a View<'b>,
+    vertices: &'a Vertices,
     panel: &'a mut Panel,
     surface: &'a mut S,
     touched: &'a mut Touched,
@@ -189,9 +191,14 @@ impl<S: Surface> Painter<'_, '_, S> {
     fn triangle<B: Block, const N: usize>(&mut self, setup: &Setup<N>, lane: usize, index: usize) {
         let ink = self.scene.figure.inks[index];
         let blocks = Blocks::of(setup, lane);
-        let turned = setup.turned[lane] != 0;
-        let order = if turned { [0, 2, 1] } else { [0, 1, 2] };
-        let corners = Corners(order.map(|corner| [setup.x[corner][lane].into(), setup.y[corner][lane].into()]));
+        let group = index / N;
+        let figure = self.scene.figure;
+        // One by one: a closure is not inlined here, and what it hands over through memory took a quarter of the triangle's time.
+        let corners = Corners([
+            self.vertices.fine(figure.corners::<N>(0, group)[lane]),
+            self.vertices.fine(figure.corners::<N>(1, group)[lane]),
+            self.vertices.fine(figure.corners::<N>(2, group)[lane]),
+        ]);
         let paint = paint(self.scene, &corners, ink, blocks.first, index);
         let depth = setup.depth_of(lane);
         let mut covered = Covered::<B>::new(setup, lane, &blocks);
@@ -224,10 +231,11 @@ impl<S: Surface> Painter<'_, '_, S> {
 
     /// The luminance of the pixels of a block whose bits are set in `open`.
     fn shade(&self, [x, y]: [i32; 2], open: u32, corners: &Corners, index: usize) -> [i16; PIXELS] {
+        let grid = self.scene.grid.finer();
         let mut luminances = [0; PIXELS];
         for pixel in lanes(open) {
             let place = [x + (pixel % COLUMNS) as i32, y + (pixel / COLUMNS) as i32];
-            let weights = corners.weights(place, &self.scene.grid);
+            let weights = corners.weights(place, &grid);
             luminances[pixel] = level((self.scene.shade)(index, weights));
         }
         luminances
@@ -237,7 +245,8 @@ impl<S: Surface> Painter<'_, '_, S> {
     #[inline(always)]
     fn wide<B: Block>(&mut self, index: usize) {
         let Scene { figure, grid, .. } = self.scene;
-        let mut vertices = figure.triangle(index).map(|corner| (self.view.corner)(corner));
+        let fine = figure.triangle(index).map(|corner| (self.view.corner)(corner));
+        let mut vertices = fine.map(|[x, y, depth]| [nearest_step(x)[0], nearest_step(y)[0], depth].map(i64::from));
         let unturned = Corners(vertices.map(|[x, y, _]| [x, y]));
         let area = unturned.edge(0, 1, unturned.0[2]);
         let is_back = figure.solids::<1>(index) & 1 != 0 && area.signum() * i64::from(self.view.front) < 0;
@@ -257,7 +266,8 @@ impl<S: Surface> Painter<'_, '_, S> {
         let blocks = Blocks::new([columns[0], rows[0]], [columns[1], rows[1]]);
         self.touched.add(blocks.first, blocks.end());
         let depth = Weights::new(&unturned, blocks.first, grid).slope(vertices.map(|[.., depth]| depth as f32));
-        let paint = paint(self.scene, &unturned, figure.inks[index], blocks.first, index);
+        let fine = Corners(fine.map(|[x, y, _]| [x.into(), y.into()]));
+        let paint = paint(self.scene, &fine, figure.inks[index], blocks.first, index);
         if area < 0 {
             vertices.swap(1, 2);
         }
@@ -275,6 +285,9 @@ impl<S: Surface> Painter<'_, '_, S> {
     }
 }
 
+/// What makes rounding one up, but for whole numbers: see [`level`].
+const UP: f32 = 0.499;
+
 /// The luminance of the pixels whose bits are set in `open`, of the block that lies `offset` from the first.
 #[inline(always)]
 fn sampled(picture: &Picture, places: &[Slope; 2], gain: &Slope, offset: [i32; 2], open: u32) -> [i16; PIXELS] {
@@ -284,7 +297,7 @@ fn sampled(picture: &Picture, places: &[Slope; 2], gain: &Slope, offset: [i32; 2
         let row = offset[1] + (pixel / COLUMNS) as i32 - CENTRE[1];
         let at = [column, row];
         let luminance = picture.sample([places[0].at(at), places[1].at(at)]) * gain.at(at);
-        luminances[pixel] = rounded(luminance.clamp(0.0, WHITE - 1.0)) as i16;
+        luminances[pixel] = rounded(luminance.clamp(0.0, WHITE - 1.0) + UP) as i16;
     }
     luminances
 }

@@ -62,7 +62,7 @@ pub struct Figure {
     flat: Vec<u32>,
     /// Luminances of flat inks.
     pub(crate) luminances: Vec<i16>,
-    /// The distance of the farthest vertex from the origin in metres: no depth is beyond it.
+    /// The distance of the farthest corner of a triangle from the origin in metres: no depth that is drawn is beyond it.
     pub radius_m: f32,
 }
 
@@ -86,7 +86,8 @@ impl Figure {
         let flat: Vec<_> = inks.iter().map(|ink| matches!(ink, Ink::Flat(_))).collect();
         let luminance = |ink: &Ink| if let Ink::Flat(luminance) = ink { *luminance } else { 0 };
         let bits = |group: &[bool]| (0..).zip(group).map(|(lane, solid)| u32::from(*solid) << lane).sum();
-        let radius_m = positions.iter().map(|position| position.length()).fold(0.0, f64::max) as f32;
+        let places = corners.clone().flatten().map(|corner| positions[corner as usize]);
+        let radius_m = places.map(|place| place.length_squared()).fold(0.0, f64::max).sqrt() as f32;
         Self {
             vertices,
             positions: [0, 1, 2].map(axis),

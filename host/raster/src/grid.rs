@@ -12,6 +12,9 @@ pub fn depth_step_m(radius_m: f32) -> f32 {
     2.0 * radius_m / DEPTH_MAX
 }
 
+/// Finer steps in a step are two to this power: 1/256 pixel, as the clear renderer has it, where there are 32 steps a pixel.
+pub const FINE: u32 = 3;
+
 /// How pixels and depths become whole numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Grid {
@@ -39,6 +42,12 @@ impl Grid {
         1 << self.shift
     }
 
+    /// The same with finer steps. Outlines have none: there it is enough that neighbours have the same. But a picture moves with its
+    /// triangle: by steps alone up to 0.2 % more of a dark helmet's lit bits differed.
+    pub fn finer(&self) -> Self {
+        Self { shift: self.shift + FINE, ..*self }
+    }
+
     /// A coordinate along `axis` in steps, right to half a step within 2²⁰ steps.
     #[inline(always)]
     pub fn place(&self, axis: usize, pixel: f32) -> i32 {
@@ -51,6 +60,13 @@ impl Grid {
     pub fn depth(&self, depth_m: f32) -> i32 {
         rounded((depth_m * self.depth_scale).clamp(-DEPTH_MAX, DEPTH_MAX))
     }
+}
+
+/// The step that is nearest to a place in finer ones, and by how many of these that lies beyond it: -4 to 3.
+#[inline(always)]
+pub fn nearest_step(fine: i32) -> [i32; 2] {
+    let step = (fine + (1 << FINE >> 1)) >> FINE;
+    [step, fine - (step << FINE)]
 }
 
 /// The nearest whole number, of numbers up to 2²⁰; of others, some number. Without the tests for range that a cast makes.

@@ -17,6 +17,7 @@ use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use protocol::rig::Rig;
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// A scene and how it is lit.
 #[derive(clap::Args)]
@@ -94,7 +95,10 @@ const TRIANGLE_BYTES: u64 = 400;
 
 /// Loads a scene, if there is memory to render it; prints its notes as warnings.
 fn load(path: &str) -> Result<Scene, Failure> {
-    let scene = Scene::load(path)?;
+    let scene = {
+        let _busy = busy("loading the scene");
+        Scene::load(path)?
+    };
     check_memory("rendering so many triangles", TRIANGLE_BYTES * scene.triangles.len() as u64)
         .map_err(|error| Failure(format!("{path}: {} triangles: {error}", scene.triangles.len())))?;
     for note in &scene.notes {
@@ -149,6 +153,7 @@ impl PlanArgs {
     /// Chooses within the budget that was asked for; without one, within the default or, where what is fixed cannot keep that, as
     /// accurately as it can.
     pub(super) fn choose(&self, scene: &ShadedScene, rig: &Rig) -> Result<Planned, Failure> {
+        let _busy = busy("choosing methods");
         let planned = |choice, ms_per_cost| Ok(Planned { choice, ms_per_cost });
         let Some(ms) = self.budget_ms else {
             let px = self.budget_px.unwrap_or(DEFAULT_BUDGET_PX);
@@ -192,9 +197,14 @@ pub(super) struct RendererArgs {
 
 impl RendererArgs {
     /// The renderer; a warning where the GPU that was asked for cannot be had, or as soon as it fails.
-    pub(super) fn open(&self) -> Box<dyn Renderer> {
+    pub(super) fn open(&self) -> Result<Box<dyn Renderer>, Failure> {
+        if let (Asked::Cpu, Some(name)) = (self.renderer, &self.adapter) {
+            return Err(Failure(format!(
+                "--adapter {name}: with --renderer cpu no GPU renders, allowed are auto and gpu"
+            )));
+        }
         let notice = |error: &_| warn(format!("{error}: rendering on the CPU"));
-        pick(self.renderer, self.adapter.as_deref(), Box::new(notice))
+        Ok(pick(self.renderer, self.adapter.as_deref(), Box::new(notice)))
     }
 }
 
@@ -275,6 +285,23 @@ pub(super) fn point(text: &str) -> Result<DVec3, String> {
             Ok(DVec3::new(x, y, z))
         }
         _ => Err("must be three numbers of metres with commas, as in 0.01,0.35,0.9, each from -1e9 to 1e9".into()),
+    }
+}
+
+/// A sign of life and the time since, on standard error, until it is dropped; nothing where that is no terminal. For what has no steps.
+pub(super) fn busy(what: &'static str) -> Busy {
+    let style = ProgressStyle::with_template("{prefix:<22} {spinner} {elapsed:>4}").expect("a fixed template");
+    let bar = ProgressBar::new_spinner().with_style(style).with_prefix(what);
+    bar.enable_steady_tick(Duration::from_millis(100));
+    Busy(bar)
+}
+
+/// What [`busy`] shows.
+pub(super) struct Busy(ProgressBar);
+
+impl Drop for Busy {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
     }
 }
 

@@ -38,6 +38,7 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let rig = rigs::find(&args.rig)?;
+    let renderer = args.renderer.open()?;
     let (scene, shaded) = args.scene.load()?;
     // Whether the result has a place is asked before the work; the place is taken after it, so that a stop leaves nothing there.
     drop(Folder::begin(&args.out)?);
@@ -45,7 +46,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let chosen = args.plan.choose(&shaded, &rig)?.choice.chosen;
     let plan = Plan { halftone: Halftone::Grey, ..chosen.plan };
     let bar = progress("rendering slices", rig.rotation.slices.into());
-    let grey = args.renderer.open().render_turn(&shaded, &rig, &plan, &|| bar.inc(1))?;
+    let grey = renderer.render_turn(&shaded, &rig, &plan, &|| bar.inc(1))?;
     bar.finish_and_clear();
     let (mut bake, found) = Bake::begin(&rig, &grey, args.sweeps, &args.out)?;
     let [searched, slices] = bake.progress();

@@ -154,6 +154,9 @@ fn open(args: &Args) -> Result<(Renderers, Vec<String>), Failure> {
     let (mut renderers, mut notes) = (Renderers::new(), Vec::new());
     let asked = !args.renderers.is_empty();
     let wanted = if asked { &args.renderers[..] } else { &Who::ALL[..] };
+    if let Some(name) = args.adapter.as_ref().filter(|_| !wanted.iter().any(|who| who.is_gpu())) {
+        return Err(Failure(format!("--adapter {name}: no GPU renders, --renderer must name one that does")));
+    }
     for who in wanted {
         match who.open(args.adapter.as_deref()) {
             Ok(renderer) => renderers.push((*who, renderer)),

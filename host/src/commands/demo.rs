@@ -51,11 +51,12 @@ const SWING_DEG: [f32; 3] = [-4.0, -1.5, 0.0];
 
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let rig = rigs::find(&args.rig)?;
+    let renderer = args.renderer.open()?;
     let scene = load(args, &rig)?;
     let folder = Folder::begin(&args.out)?;
     let lit = shade(&scene, Shading::Lambert, false);
     let plan = choose(&lit, &rig, Fixed::default(), Budget::Error(DEFAULT_BUDGET_PX))?.chosen.plan;
-    let turns = render(args.renderer.open().as_ref(), &scene, &rig, &plan)?;
+    let turns = render(renderer.as_ref(), &scene, &rig, &plan)?;
     let show = show::run(&rig, &turns, args.seed)?;
     let places = Places::new(&rig);
     let seen = pictures::write(&folder, &rig, &lit, &show, &turns[turns.len() - 1], &places)?;

@@ -1,6 +1,6 @@
 //! `praxi plan`: which methods a turn would be rendered by, and why.
 
-use super::args::{PlanArgs, SceneArgs, pixels};
+use super::args::{PlanArgs, SceneArgs, busy, pixels};
 use super::{Failure, say, say_json};
 use crate::render::plan::Plan;
 use crate::render::plan::choose::{Budget, Candidate, PlanError};
@@ -29,6 +29,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let (_, shaded) = args.scene.load()?;
     let planned = args.plan.choose(&shaded, &rig)?;
     let chosen = planned.choice.chosen;
+    let weighing = busy("weighing other methods");
     let scale = match planned.ms_per_cost {
         Some(scale) => scale,
         None => ms_per_cost(&shaded, &rig)?,
@@ -40,6 +41,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
         Err(error) => Err(error),
     };
     let (better, cheaper) = (other(chosen.error_px / 2.0)?, other(chosen.error_px * 2.0)?);
+    drop(weighing);
     let cheaper = cheaper.filter(|cheaper| cheaper.cost_ms < 0.99 * chosen.cost_ms);
     if args.json {
         say_json(&json!({

@@ -35,12 +35,12 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let rig = rigs::find(&args.rig)?;
+    let renderer = args.renderer.open()?;
     let (scene, shaded) = args.scene.load()?;
     let folder = Folder::begin(&args.out)?;
     args.scene.warn_of_size(&scene, &rig);
     let chosen = args.plan.choose(&shaded, &rig)?.choice.chosen;
     let plan = Plan { halftone: args.halftone, ..chosen.plan };
-    let renderer = args.renderer.open();
     let bar = progress("rendering slices", rig.rotation.slices.into());
     let turn = renderer.render_turn(&shaded, &rig, &plan, &|| bar.inc(1))?;
     bar.finish_and_clear();

@@ -45,8 +45,7 @@ impl Coverage {
         match (plan.edges, plan.depth) {
             (Edges::Discard, _) => {
                 // Up to this length every edge keeps within the bow; what is longer was cut where it does not.
-                let radius_m = mesh.positions.iter().map(|position| position.length()).fold(0.0, f64::max);
-                let length_m = edge_limit_m(rig, Method::from(plan.projection).model(), radius_m, plan.bow_px);
+                let length_m = edge_limit_m(rig, Method::from(plan.projection).model(), mesh.radius_m(), plan.bow_px);
                 Self::Discard { bow_px_per_m2: plan.bow_px / (length_m * length_m), bow_px: plan.bow_px }
             }
             (_, DepthTest::Linear) => Self::Linear,

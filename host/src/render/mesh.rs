@@ -47,6 +47,12 @@ impl Mesh {
         self.positions.len() as u32 - 1
     }
 
+    /// The largest distance of a triangle's corner from the origin in metres; 0 without triangles.
+    pub fn radius_m(&self) -> f64 {
+        let corners = self.triangles.iter().flat_map(|triangle| self.corners(triangle));
+        corners.map(|position| position.length_squared()).fold(0.0, f64::max).sqrt()
+    }
+
     /// The corners of `triangle` in world metres.
     pub fn corners(&self, triangle: &Triangle) -> [DVec3; 3] {
         triangle.corners.map(|corner| self.positions[corner as usize])

@@ -49,19 +49,21 @@ impl Line {
     }
 }
 
+/// Pixels whose lines get room together, when the first of them is asked for: most pixels are never. Room for all of 4096 × 4096
+/// is 1.2 GB for every thread.
+const TOGETHER: usize = 256;
+
 /// The sight lines of the pixels of one face in one slice, each found when it is first asked for.
 pub struct Sights {
-    pixels: usize,
     current: u32,
-    /// When each pixel's line was found: it holds where this is `current`.
-    found: Vec<u32>,
-    lines: Vec<Option<Line>>,
+    /// When each pixel's line was found, and the line: it holds where that is `current`.
+    lines: Vec<Vec<(u32, Option<Line>)>>,
 }
 
 impl Sights {
     /// For images of `pixels` pixels.
     pub fn new(pixels: usize) -> Self {
-        Self { pixels, current: 0, found: Vec::new(), lines: Vec::new() }
+        Self { current: 0, lines: vec![Vec::new(); pixels.div_ceil(TOGETHER)] }
     }
 
     /// Forgets all lines: another face or slice is next.
@@ -72,16 +74,39 @@ impl Sights {
     /// What the pixel in column `x` and row `y`, which is cell `cell`, shows; `None` where its ray misses the panel with its guard
     /// band, or where no lit viewer sees it.
     pub fn line<F: Real>(&mut self, projector: &SliceProjector<F>, [x, y]: [i64; 2], cell: usize) -> Option<Line> {
-        if self.found.is_empty() {
-            // Many slices of small pieces need none.
-            self.found.resize(self.pixels, 0);
-            self.lines.resize(self.pixels, None);
+        let lines = &mut self.lines[cell / TOGETHER];
+        if lines.is_empty() {
+            lines.resize(TOGETHER, (0, None));
         }
-        if self.found[cell] != self.current {
-            self.found[cell] = self.current;
+        let (found, line) = &mut lines[cell % TOGETHER];
+        if *found != self.current {
             let centre = [x, y].map(|coordinate| F::of(coordinate as f64 + 0.5));
-            self.lines[cell] = projector.sight(centre).map(Line::from);
+            (*found, *line) = (self.current, projector.sight(centre).map(Line::from));
         }
-        self.lines[cell]
+        *line
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rigs;
+    use shaders::project::methods::{FaceOptics, Method};
+
+    #[test]
+    fn only_lines_that_are_asked_for_have_room() {
+        let rig = rigs::find("reference").unwrap();
+        let optics = FaceOptics::<f64>::new(&rig, 0, Method::Planar);
+        let mut sights = Sights::new(768 * 768);
+        let mut mirror = |slice, [x, y]: [i64; 2]| {
+            sights.forget();
+            let projector = optics.slice(rig.slice_angle(slice));
+            sights.line(&projector, [x, y], (y * 768 + x) as usize).map(|line| line.mirror)
+        };
+        let first = mirror(0, [384, 384]).expect("the middle");
+        assert!(mirror(30, [384, 384]).is_some_and(|other| other != first), "another slice has another line");
+        assert_eq!(mirror(0, [384, 384]), Some(first));
+        assert!(mirror(0, [400, 100]).is_some());
+        assert_eq!(sights.lines.iter().filter(|lines| !lines.is_empty()).count(), 2);
     }
 }

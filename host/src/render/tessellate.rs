@@ -95,6 +95,13 @@ impl Rule {
     }
 }
 
+/// Whether a triangle lies outside the ball of [`reach_m`]: by the ball about its centre, which holds it.
+pub fn is_out_of_reach(corners: [DVec3; 3], reach_m: f64) -> bool {
+    let centre = corners.iter().sum::<DVec3>() / 3.0;
+    let radius = corners.iter().map(|position| position.distance(centre)).fold(0.0, f64::max);
+    centre.length() - radius > reach_m
+}
+
 fn along(start: DVec3, end: DVec3, part: u32, parts: u32) -> DVec3 {
     start.lerp(end, f64::from(part) / f64::from(parts))
 }
@@ -121,7 +128,9 @@ impl Cutter {
         let mut waiting = vec![(whole, 0)];
         while let Some((piece, generation)) = waiting.pop() {
             let lengths = [0, 1, 2].map(|edge| self.length_m([piece[edge].vertex, piece[(edge + 1) % 3].vertex]));
-            if self.is_out_of_reach(&piece) || self.mesh.triangles.len() > TRIANGLES_MAX {
+            if is_out_of_reach(piece.map(|corner| self.position(corner.vertex)), self.reach_m)
+                || self.mesh.triangles.len() > TRIANGLES_MAX
+            {
                 continue;
             }
             // Halving all that is too long ends by itself.
@@ -150,14 +159,6 @@ impl Cutter {
             uv: piece.map(|corner| (0..3).map(|index| triangle.uv[index] * corner.weights[index]).sum()),
             texture: triangle.texture,
         });
-    }
-
-    /// Whether the triangle lies outside the ball of reach: by the ball about its centre, which holds it.
-    fn is_out_of_reach(&self, piece: &[Corner; 3]) -> bool {
-        let corners = piece.map(|corner| self.position(corner.vertex));
-        let centre = corners.iter().sum::<DVec3>() / 3.0;
-        let radius = corners.iter().map(|position| position.distance(centre)).fold(0.0, f64::max);
-        centre.length() - radius > self.reach_m
     }
 
     fn position(&self, vertex: u32) -> DVec3 {

@@ -18,6 +18,10 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Scene, Fault> {
     let mut reader = Reader::new(Cursor::new(bytes));
     let header =
         Parser::<Other>::new().read_header(&mut reader).map_err(|e| Fault::malformed("header", first_line(&e)))?;
+    let mut assembly = Assembly::default();
+    let promised = |name: &str| header.elements.get(name).map_or(0, |element| element.count);
+    // A face is one triangle or more.
+    assembly.room_for("header", promised("vertex"), promised("face"))?;
     let mut part = Part::default();
     let mut faces = Vec::new();
     for (name, element) in &header.elements {
@@ -30,7 +34,6 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Scene, Fault> {
         }
     }
     add_faces(&mut part, &faces)?;
-    let mut assembly = Assembly::default();
     assembly.add("", part)?;
     assembly.finish()
 }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::figure::VERTEX_LANES;
+use crate::grid::FINE;
 use glam::DVec3;
 use proptest::prelude::*;
 use shaders::halftone::mask::Mask;
@@ -89,7 +90,7 @@ fn drawn(level: Level, triangles: &[Triangle], rules: Rules<'_>) -> Slice {
     let corner = |index: u32| {
         let triangle = &triangles[index as usize / 3];
         let [x, y] = triangle.corners[index as usize % 3];
-        [x, y, triangle.depth]
+        [x << FINE, y << FINE, triangle.depth].map(|value| value as i32)
     };
     let scene = Scene { figure: &figure, shade, grid: grid() };
     let mut slice = Slice { grey: vec![0; PIXELS], plane: vec![0; STRIDE * SIZE[1] as usize] };

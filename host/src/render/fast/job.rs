@@ -65,7 +65,7 @@ pub struct Room {
 }
 
 impl<'a> Job<'a> {
-    /// The distance of the farthest vertex from the origin, of what was left when long edges had been cut and far pieces left out.
+    /// The distance of the farthest corner from the origin, of what was left when long edges had been cut and far pieces left out.
     pub fn radius_m(&self) -> f32 {
         self.figure.radius_m
     }
@@ -275,15 +275,16 @@ impl Job<'_> {
         touched
     }
 
-    /// A vertex that 16 bits may be too narrow for: the same numbers as in [`Vertices`], but for their range.
-    fn corner(&self, grid: &Grid, projector: &SliceProjector<f32>, index: u32) -> [i64; 3] {
+    /// A vertex that 16 bits may be too narrow for, in the steps of [`Grid::finer`]: the same numbers as in [`Vertices`], but for their
+    /// range.
+    fn corner(&self, grid: &Grid, projector: &SliceProjector<f32>, index: u32) -> [i32; 3] {
         let position = self.mesh.positions[index as usize].as_vec3().to_array();
         let vertex = projector.vertices(position.each_ref().map(core::array::from_ref::<f32>));
         let place = |axis: usize| {
             let pixel = vertex.pixel[axis][0].clamp(-FAR_PX, FAR_PX);
-            let steps = (pixel - grid.origin[axis] as f32) * grid.steps() as f32;
-            f64::from(steps).round_ties_even() as i64
+            let steps = (pixel - grid.origin[axis] as f32) * grid.finer().steps() as f32;
+            f64::from(steps).round_ties_even() as i32
         };
-        [place(0), place(1), grid.depth(vertex.depth_m[0]).into()]
+        [place(0), place(1), grid.depth(vertex.depth_m[0])]
     }
 }

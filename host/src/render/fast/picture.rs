@@ -65,8 +65,8 @@ impl Pictures {
         let (width, height) = texture.size();
         let along = |axis: usize, side: u32| {
             let places = triangle.uv.map(|uv| uv[axis]);
-            // Whole periods less change nothing, even of what is mirrored.
-            let lowest = places.into_iter().fold(f32::INFINITY, f32::min);
+            // Whole periods less change nothing, even of what is mirrored. Pixels may lie a little beyond the corners.
+            let lowest = places.into_iter().fold(f32::INFINITY, f32::min) - 2.0;
             let skipped = if texture.wrap()[axis] == Wrap::Clamp { 0.0 } else { 2.0 * (lowest / 2.0).floor() };
             places.map(|place| (place - skipped) * side as f32)
         };

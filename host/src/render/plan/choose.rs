@@ -3,12 +3,13 @@
 use super::cost::{Work, turn_ns, vertex_ns};
 use super::error::geometric_error;
 use super::{DepthTest, Edges, Halftone, Plan, Precision, Projection};
+use crate::render::bow::reach_m;
 use crate::render::clear::ClearRenderer;
 use crate::render::mesh::Mesh;
-use crate::render::tessellate::tessellate;
+use crate::render::tessellate::{is_out_of_reach, tessellate};
 use crate::render::{RenderError, Renderer, anything_visible};
 use crate::scene::ShadedScene;
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use protocol::rig::{Rig, Viewers};
 use serde::Serialize;
 use shaders::project::{Model, SliceOptics};
@@ -364,12 +365,14 @@ fn exact(scene: &ShadedScene, rig: &Rig, straight: &Mesh, fixed: Fixed) -> Resul
     Ok(Candidate { plan, error_px: FLOOR_PX, error_arcmin: 0.0, depth_m: 0.0, cost_ms, work })
 }
 
-/// Whether `scene` comes so near to where viewers are that pieces of it pass them, which only rays draw right.
+/// Whether `scene` comes so near to where viewers are that pieces of it pass them, which only rays draw right. Triangles that lie
+/// wholly beyond all sight lines do not count.
 fn reaches_viewers(scene: &ShadedScene, rig: &Rig) -> bool {
     let Viewers::Circle { distance_m, .. } = rig.viewers() else { return false };
-    let corners = scene.triangles.iter().flat_map(|triangle| triangle.positions);
-    let radius = corners.map(|position| position.with_y(0.0).length()).fold(0.0, f32::max);
-    f64::from(radius) > 0.9 * distance_m
+    let reach_m = reach_m(rig);
+    let triangles = scene.triangles.iter().map(|triangle| triangle.positions.map(DVec3::from));
+    let corners = triangles.filter(|corners| !is_out_of_reach(*corners, reach_m)).flatten();
+    corners.map(|position| position.with_y(0.0).length()).fold(0.0, f64::max) > 0.9 * distance_m
 }
 
 /// The first, which is the cheapest, of those with the smallest error.
