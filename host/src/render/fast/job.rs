@@ -50,7 +50,7 @@ pub struct Job<'a> {
 
 /// What a task works in.
 #[derive(Default)]
-pub struct Room {
+struct Room {
     clock: Clock,
     vertices: Vertices,
     panel: Panel,
@@ -71,7 +71,7 @@ impl<'a> Job<'a> {
     }
 
     /// How pixels and depths of a turn's slices become whole numbers.
-    pub fn grid(&self, turn: &Turn) -> Grid {
+    fn grid(&self, turn: &Turn) -> Grid {
         Grid::new([turn.width(), turn.height()], self.figure.radius_m)
     }
 
@@ -177,12 +177,12 @@ impl Work for Diffused<'_, '_, '_> {
 }
 
 /// One slice to be made.
-pub struct Slice<'a, 'b> {
-    pub job: &'a Job<'b>,
-    pub grid: Grid,
-    pub slot: Slot,
-    pub room: &'a mut Room,
-    pub bytes: &'a mut [u8],
+struct Slice<'a, 'b> {
+    job: &'a Job<'b>,
+    grid: Grid,
+    slot: Slot,
+    room: &'a mut Room,
+    bytes: &'a mut [u8],
 }
 
 impl Work for Slice<'_, '_> {
