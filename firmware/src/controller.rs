@@ -12,9 +12,10 @@ use core::f32::consts::TAU;
 use protocol::message::{Command, Fault, State};
 use protocol::timing::Direction;
 use protocol::units::{Nanos, Turns};
+use serde::{Deserialize, Serialize};
 
 /// What may happen to a controller.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Input {
     /// The control timer fired.
     Tick {
@@ -45,7 +46,7 @@ pub enum Input {
 }
 
 /// What to do from now on, until the next output.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Output {
     /// The torque to command, N m, counter-clockwise positive.
     pub torque_nm: f32,
@@ -63,7 +64,7 @@ pub struct Output {
 }
 
 /// Estimates for telemetry; nothing depends on them.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Estimates {
     /// The mirror's angle.
     pub angle: Turns,

@@ -1,0 +1,87 @@
+//! The controller as firmware for QEMU's mps2-an386, a Cortex-M4F. Its tasks await and forward; what they forward to is the same core
+//! that runs natively.
+#![no_std]
+#![no_main]
+
+mod ethernet;
+mod host;
+mod log;
+mod machine;
+mod uart;
+
+use core::mem::transmute;
+use core::sync::atomic::{AtomicBool, Ordering};
+use cortex_m_rt::entry;
+use embassy_executor::raw::Executor;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::mutex::Mutex;
+use ethernet::Ethernet;
+use firmware::lockstep::{self, Answer, FRAME_BYTES_MAX, Request, Session};
+use machine::Machine;
+use uart::Uart;
+
+/// Where the host is.
+static HOST: Uart = Uart::at(0x4000_4000);
+/// Where the simulated world is.
+static WORLD: Ethernet = Ethernet::at(0x4020_0000);
+/// The controller.
+static SESSION: Mutex<CriticalSectionRawMutex, Session> = Mutex::new(Session::new());
+
+/// The world's end: requests in, answers out.
+#[embassy_executor::task]
+async fn world(mut machine: Machine) {
+    loop {
+        let mut frame = [0; FRAME_BYTES_MAX];
+        let length = WORLD.receive(&mut frame).await;
+        // What cannot be read is not answered: the simulator waits, and gives up.
+        let Some((serial, request)) = frame.get(..length).and_then(lockstep::read::<Request>) else { continue };
+        let answer: Answer = SESSION.lock().await.answer(&request, &mut machine);
+        if let Some(bytes) = lockstep::write(serial, &answer, &mut frame) {
+            WORLD.send(bytes);
+        }
+    }
+}
+
+static WOKEN: AtomicBool = AtomicBool::new(false);
+
+#[unsafe(export_name = "__pender")]
+fn pender(_context: *mut ()) {
+    WOKEN.store(true, Ordering::Release);
+}
+
+#[entry]
+fn main() -> ! {
+    log::start();
+    // The Ethernet controller's interrupt line is active until it is told otherwise: devices come before interrupts.
+    HOST.start();
+    WORLD.start();
+    if let Some(peripherals) = cortex_m::Peripherals::take() {
+        machine::start(peripherals);
+    }
+    defmt::info!("lockstep version {}", lockstep::VERSION);
+    let executor = Executor::new(core::ptr::null_mut());
+    // SAFETY: this function never returns, so that what is on its stack lives for ever.
+    let executor: &'static Executor = unsafe { transmute(&executor) };
+    let spawner = executor.spawner();
+    // No task is spawned twice, so that neither is refused.
+    if let (Ok(world), Ok(answers), Ok(reports)) = (world(Machine::new()), host::answers(), host::reports()) {
+        spawner.spawn(world);
+        spawner.spawn(answers);
+        spawner.spawn(reports);
+    }
+    loop {
+        // SAFETY: called from here only.
+        unsafe { executor.poll() };
+        // An interrupt that comes in between ends the wait all the same. WFI and not WFE, which the emulator passes over.
+        critical_section::with(|_| {
+            if !WOKEN.swap(false, Ordering::Acquire) {
+                cortex_m::asm::wfi();
+            }
+        });
+    }
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+    loop {}
+}
