@@ -1,14 +1,14 @@
 //! What a simulator and an image in lockstep say to each other: inputs one way, what the controller makes of each the other way.
 //!
 //! The simulator's time is the controller's: an image that runs on a slow emulator, or waits for a day between two inputs, answers as
-//! the native controller does, bit for bit. One request is under way at a time.
+//! the native controller does, bit for bit. One request is under way at a time, and has one input: any answer may change light or torque,
+//! and with them what happens next.
 //!
 //! A frame is postcard of a serial number (u8) and a request or an answer; the answer has its request's serial number. Whatever carries
 //! frames keeps them apart and whole.
 
 use crate::config::Config;
 use crate::controller::{Controller, Estimates, Input, Output};
-use heapless::Vec;
 use protocol::message::Command;
 use protocol::timing::Rotation;
 use protocol::units::Nanos;
@@ -18,39 +18,23 @@ use serde::{Deserialize, Serialize};
 /// Counts up where requests or answers change.
 pub const VERSION: u16 = 1;
 
-/// The most steps in a request.
-pub const BATCH: usize = 8;
-
-/// The longest frame, bytes: 8 steps of 21, or 8 outcomes of 30, and what surrounds them.
-pub const FRAME_BYTES_MAX: usize = 256;
-
-/// One input and its time.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Step {
-    /// The controller's time.
-    pub now: Nanos,
-    /// What happens.
-    pub input: Input,
-}
-
-/// What one step came to.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Outcome {
-    /// The controller's answer.
-    pub output: Output,
-    /// How long the step took, ticks of the machine's counter; 0 where nothing counts.
-    pub ticks: u32,
-}
+/// The longest frame, bytes: a configuration has 119.
+pub const FRAME_BYTES_MAX: usize = 128;
 
 /// From the simulator.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Request {
     /// Who is there? Keeps its place in later versions, so that any two of them can name both.
     Hello,
     /// A new controller.
     Begin(Config),
-    /// Inputs, one after the other.
-    Steps(Vec<Step, BATCH>),
+    /// A step.
+    Step {
+        /// The controller's time.
+        now: Nanos,
+        /// What happens.
+        input: Input,
+    },
     /// What the controller believes.
     Estimates,
     /// How deep the stack has been.
@@ -58,14 +42,19 @@ pub enum Request {
 }
 
 /// From the image.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Answer {
     /// The image's [`VERSION`].
     Hello(u16),
     /// The controller is new.
     Begun,
-    /// One outcome a step.
-    Outcomes(Vec<Outcome, BATCH>),
+    /// What a step came to.
+    Stepped {
+        /// The controller's answer.
+        output: Output,
+        /// How long the step took, ticks of the machine's counter; 0 where nothing counts.
+        ticks: u32,
+    },
     /// What the controller believes.
     Estimates(Estimates),
     /// The deepest that the stack has been, bytes.
@@ -117,17 +106,12 @@ impl Session {
                 if controller.is_some() { Answer::Begun } else { Answer::Refused }
             }
             (Request::Estimates, Some(controller)) => Answer::Estimates(controller.estimates()),
-            (Request::Steps(steps), Some(controller)) => {
-                let mut outcomes = Vec::new();
-                for &Step { now, input } in steps {
-                    let (output, ticks) = gauge.count(|| controller.step(now, input));
-                    (self.now, self.output) = (now, output);
-                    // There is room: as many as there are steps.
-                    let _ = outcomes.push(Outcome { output, ticks });
-                }
-                Answer::Outcomes(outcomes)
+            (&Request::Step { now, input }, Some(controller)) => {
+                let (output, ticks) = gauge.count(|| controller.step(now, input));
+                (self.now, self.output) = (now, output);
+                Answer::Stepped { output, ticks }
             }
-            (Request::Estimates | Request::Steps(_), None) => Answer::Refused,
+            (Request::Estimates | Request::Step { .. }, None) => Answer::Refused,
         }
     }
 
@@ -150,7 +134,8 @@ impl Session {
 fn begun(config: &Config) -> Option<Controller> {
     let told = &config.rotation;
     let (slices, planes) = (told.slices(), told.planes_per_frame());
-    let rotation = Rotation::new(slices, planes, told.refresh_microhertz(), told.phase_offset(), told.direction()).ok()?;
+    let rotation =
+        Rotation::new(slices, planes, told.refresh_microhertz(), told.phase_offset(), told.direction()).ok()?;
     Controller::new(Config { rotation, ..*config }).ok()
 }
 
@@ -169,6 +154,7 @@ mod tests {
     use super::*;
     use crate::config::tests::example;
     use protocol::timing::Direction;
+    use protocol::units::Turns;
 
     struct NoGauge;
 
@@ -182,10 +168,6 @@ mod tests {
         }
     }
 
-    fn steps(steps: &[Step]) -> Request {
-        Request::Steps(Vec::from_slice(steps).unwrap())
-    }
-
     #[test]
     fn a_session_answers_as_the_controller_does() {
         let config = example(288, 240, Direction::Clockwise);
@@ -196,13 +178,15 @@ mod tests {
             Input::FramePulse { at: Nanos(4_000_000) },
             Input::Tick { encoder_count: 8 },
         ];
-        let all = inputs.map(|input| Step { now: Nanos(5_000_000), input });
-        assert_eq!(session.answer(&steps(&all), &mut NoGauge), Answer::Refused);
+        let now = Nanos(5_000_000);
+        assert_eq!(session.answer(&Request::Step { now, input: inputs[0] }, &mut NoGauge), Answer::Refused);
         assert_eq!(session.answer(&Request::Begin(config), &mut NoGauge), Answer::Begun);
-        let Answer::Outcomes(outcomes) = session.answer(&steps(&all), &mut NoGauge) else { panic!() };
-        let outputs = all.map(|step| controller.step(step.now, step.input));
-        assert!(outcomes.iter().map(|outcome| outcome.output).eq(outputs));
-        assert_eq!(session.report().unwrap(), (outputs[3], controller.estimates(), config.rotation));
+        for input in inputs {
+            let output = controller.step(now, input);
+            let answer = session.answer(&Request::Step { now, input }, &mut NoGauge);
+            assert_eq!(answer, Answer::Stepped { output, ticks: 0 });
+            assert_eq!(session.report().unwrap(), (output, controller.estimates(), config.rotation));
+        }
         session.command(Command::Stop);
         assert_eq!(session.report().unwrap().0.state, protocol::message::State::Idle);
     }
@@ -235,12 +219,17 @@ mod tests {
             state: protocol::message::State::Fault,
             fault: Some(protocol::message::Fault::Watchdog),
         };
-        let outcomes = Vec::from_array([Outcome { output, ticks: u32::MAX }; BATCH]);
         let at = Nanos(u64::MAX);
-        let step = Step { now: at, input: Input::PlanePulse { at } };
+        let mut config = example(288, 240, Direction::Clockwise);
+        config.rotation = Rotation::new(4_080, 24, 10_000_000_000, Turns(u32::MAX), Direction::Clockwise).unwrap();
+        config.sensors.encoder_counts_per_turn = u32::MAX;
+        (config.motor.command_delay, config.clock.frame_latency) = (at, at);
+        (config.limits.holdover, config.limits.lock, config.limits.watchdog) = (at, at, at);
         let mut frame = [0; FRAME_BYTES_MAX];
-        assert!(write(255, &Answer::Outcomes(outcomes), &mut frame).is_some());
-        assert!(write(255, &steps(&[step; BATCH]), &mut frame).is_some());
+        let begin = write(255, &Request::Begin(config), &mut frame).unwrap();
+        assert_eq!(begin.len(), 119);
+        assert!(write(255, &Answer::Stepped { output, ticks: u32::MAX }, &mut frame).is_some());
+        assert!(write(255, &Request::Step { now: at, input: Input::PlanePulse { at } }, &mut frame).is_some());
         assert_eq!(read::<Answer>(&[3, 77]), None);
     }
 }
