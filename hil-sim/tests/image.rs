@@ -4,7 +4,7 @@
 
 use firmware::controller::{Controller, Estimates, Input, Output};
 use firmware::plane_store::TurnHandle;
-use hil_sim::image::costs::{Dearest, KINDS};
+use hil_sim::image::costs::KINDS;
 use hil_sim::image::{Image, SharedImage};
 use hil_sim::motor::Motor;
 use hil_sim::scenario::Scenario;
@@ -108,6 +108,6 @@ fn image_and_native_core_agree_bit_for_bit_and_keep_within_the_budget() {
         for (kind, dearest) in KINDS.iter().zip(image.costs().kinds()) {
             println!("{kind} {dearest:?}");
         }
-        println!("plane {:?} stack {:?}", image.costs().plane(), image.stack_bytes());
+        let stack = image.stack_bytes(); println!("plane {:?} stack {stack:?}", image.costs().plane());
     }
 }
