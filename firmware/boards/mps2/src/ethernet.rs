@@ -57,14 +57,17 @@ impl Ethernet {
         self.receiver.wake();
     }
 
-    /// Waits for a frame and puts its payload at the start of `payload`, as much of it as fits. Returns its length.
-    pub async fn receive(&self, payload: &mut [u8]) -> usize {
+    /// Waits for a frame. No `async fn`: one that was polled after its end would panic.
+    pub fn received(&self) -> impl Future<Output = ()> {
         poll_fn(|context| {
             self.receiver.register(context.waker());
             let frames = (self.register(0x7c).read() >> 16) & 0xff;
             if frames == 0 { Poll::Pending } else { Poll::Ready(()) }
         })
-        .await;
+    }
+
+    /// Puts the payload of the frame that has come at the start of `payload`, as much of it as fits. Returns its length.
+    pub fn take(&self, payload: &mut [u8]) -> usize {
         let length = (self.register(0x40).read() >> 16) as usize & 0x3fff;
         let end = length.saturating_sub(CHECK_BYTES);
         for at in (0..length).step_by(4) {

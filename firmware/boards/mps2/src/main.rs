@@ -9,12 +9,12 @@ mod log;
 mod machine;
 mod uart;
 
+use core::cell::RefCell;
 use core::mem::transmute;
 use core::sync::atomic::{AtomicBool, Ordering};
 use cortex_m_rt::entry;
+use critical_section::Mutex;
 use embassy_executor::raw::Executor;
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::mutex::Mutex;
 use ethernet::Ethernet;
 use firmware::lockstep::{self, Answer, FRAME_BYTES_MAX, Request, Session};
 use machine::Machine;
@@ -25,18 +25,24 @@ static HOST: Uart = Uart::at(0x4000_4000);
 /// Where the simulated world is.
 static WORLD: Ethernet = Ethernet::at(0x4020_0000);
 /// The controller.
-static SESSION: Mutex<CriticalSectionRawMutex, Session> = Mutex::new(Session::new());
+static SESSION: Mutex<RefCell<Session>> = Mutex::new(RefCell::new(Session::new()));
+
+/// Nobody keeps the controller: `None` is a mistake in here, and no reason to stop.
+fn with_session<T>(use_it: impl FnOnce(&mut Session) -> T) -> Option<T> {
+    critical_section::with(|cs| SESSION.borrow(cs).try_borrow_mut().ok().map(|mut session| use_it(&mut session)))
+}
 
 /// The world's end: requests in, answers out.
 #[embassy_executor::task]
 async fn world(mut machine: Machine) {
     loop {
         let mut frame = [0; FRAME_BYTES_MAX];
-        let length = WORLD.receive(&mut frame).await;
+        WORLD.received().await;
+        let length = WORLD.take(&mut frame);
         // What cannot be read is not answered: the simulator waits, and gives up.
         let Some((serial, request)) = frame.get(..length).and_then(lockstep::read::<Request>) else { continue };
-        let answer: Answer = SESSION.lock().await.answer(&request, &mut machine);
-        if let Some(bytes) = lockstep::write(serial, &answer, &mut frame) {
+        let answer: Option<Answer> = with_session(|session| session.answer(&request, &mut machine));
+        if let Some(bytes) = answer.and_then(|answer| lockstep::write(serial, &answer, &mut frame)) {
             WORLD.send(bytes);
         }
     }
@@ -63,11 +69,12 @@ fn main() -> ! {
     // SAFETY: this function never returns, so that what is on its stack lives for ever.
     let executor: &'static Executor = unsafe { transmute(&executor) };
     let spawner = executor.spawner();
-    // No task is spawned twice, so that neither is refused.
-    if let (Ok(world), Ok(answers), Ok(reports)) = (world(Machine::new()), host::answers(), host::reports()) {
-        spawner.spawn(world);
-        spawner.spawn(answers);
-        spawner.spawn(reports);
+    // No task is spawned twice, so that none is refused.
+    if let Ok(task) = world(Machine::new()) {
+        spawner.spawn(task);
+    }
+    if let Ok(task) = host::host() {
+        spawner.spawn(task);
     }
     loop {
         // SAFETY: called from here only.

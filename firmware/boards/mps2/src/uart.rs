@@ -51,25 +51,27 @@ impl Uart {
         self.sender.wake();
     }
 
-    /// Waits for a byte.
-    pub async fn read(&self) -> u8 {
+    /// Waits for a byte. No `async fn`: one that was polled after its end would panic.
+    pub fn read(&self) -> impl Future<Output = u8> {
         poll_fn(|context| {
             self.receiver.register(context.waker());
             if self.state.read() & RECEIVED != 0 { Poll::Ready(self.data.read() as u8) } else { Poll::Pending }
         })
-        .await
     }
 
     /// Sends `bytes`, at the pace of whoever reads them.
-    pub async fn write(&self, bytes: &[u8]) {
-        for byte in bytes {
-            poll_fn(|context| {
-                self.sender.register(context.waker());
-                if self.state.read() & SENDING != 0 { Poll::Pending } else { Poll::Ready(()) }
-            })
-            .await;
-            self.data.write((*byte).into());
-        }
+    pub fn write(&self, bytes: &[u8]) -> impl Future<Output = ()> {
+        let mut left = bytes.iter();
+        poll_fn(move |context| {
+            self.sender.register(context.waker());
+            while self.state.read() & SENDING == 0 {
+                match left.next() {
+                    Some(byte) => self.data.write((*byte).into()),
+                    None => return Poll::Ready(()),
+                }
+            }
+            Poll::Pending
+        })
     }
 
     /// Sends `bytes` and lets nothing else run meanwhile.
