@@ -108,6 +108,7 @@ fn image_and_native_core_agree_bit_for_bit_and_keep_within_the_budget() {
         for (kind, dearest) in KINDS.iter().zip(image.costs().kinds()) {
             println!("{kind} {dearest:?}");
         }
-        let stack = image.stack_bytes(); println!("plane {:?} stack {stack:?}", image.costs().plane());
+        let stack = image.stack_bytes();
+        println!("plane {:?} stack {stack:?}", image.costs().plane());
     }
 }

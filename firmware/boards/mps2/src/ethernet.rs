@@ -6,6 +6,7 @@ use crate::machine::Register;
 use core::future::poll_fn;
 use core::task::Poll;
 use embassy_sync::waitqueue::AtomicWaker;
+use heapless::Vec;
 
 /// Bytes before the payload: two addresses and a type.
 const HEADER_BYTES: usize = 14;
@@ -66,19 +67,20 @@ impl Ethernet {
         })
     }
 
-    /// Puts the payload of the frame that has come at the start of `payload`, as much of it as fits. Returns its length.
-    pub fn take(&self, payload: &mut [u8]) -> usize {
+    /// The payload of the frame that has come, cut where it is too long.
+    pub fn take<const N: usize>(&self) -> Vec<u8, N> {
+        let mut payload = Vec::new();
         let length = (self.register(0x40).read() >> 16) as usize & 0x3fff;
-        let end = length.saturating_sub(CHECK_BYTES);
+        let ours = HEADER_BYTES..length.saturating_sub(CHECK_BYTES);
         for at in (0..length).step_by(4) {
             for (i, byte) in self.register(0).read().to_le_bytes().into_iter().enumerate() {
-                let place = (at + i).checked_sub(HEADER_BYTES).filter(|_| at + i < end);
-                if let Some(place) = place.and_then(|place| payload.get_mut(place)) {
-                    *place = byte;
+                if ours.contains(&(at + i)) {
+                    // One that is too long is no message.
+                    let _ = payload.push(byte);
                 }
             }
         }
-        end.saturating_sub(HEADER_BYTES)
+        payload
     }
 
     /// Sends `payload`, which takes no time.

@@ -36,12 +36,12 @@ fn with_session<T>(use_it: impl FnOnce(&mut Session) -> T) -> Option<T> {
 #[embassy_executor::task]
 async fn world(mut machine: Machine) {
     loop {
-        let mut frame = [0; FRAME_BYTES_MAX];
         WORLD.received().await;
-        let length = WORLD.take(&mut frame);
+        let frame = WORLD.take::<FRAME_BYTES_MAX>();
         // What cannot be read is not answered: the simulator waits, and gives up.
-        let Some((serial, request)) = frame.get(..length).and_then(lockstep::read::<Request>) else { continue };
+        let Some((serial, request)) = lockstep::read::<Request>(&frame) else { continue };
         let answer: Option<Answer> = with_session(|session| session.answer(&request, &mut machine));
+        let mut frame = [0; FRAME_BYTES_MAX];
         if let Some(bytes) = answer.and_then(|answer| lockstep::write(serial, &answer, &mut frame)) {
             WORLD.send(bytes);
         }
@@ -88,7 +88,12 @@ fn main() -> ! {
     }
 }
 
+/// Nobody defines what this calls: were a panic left anywhere in the optimised image, it would not link.
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
-    loop {}
+    unsafe extern "C" {
+        fn a_panic_is_left_in_the_image() -> !;
+    }
+    // SAFETY: there is no such function, and no call in what is linked.
+    unsafe { a_panic_is_left_in_the_image() }
 }
