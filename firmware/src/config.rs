@@ -2,10 +2,11 @@
 
 use protocol::timing::Rotation;
 use protocol::units::Nanos;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// Rough figures of motor and drive. Inertia may be wrong by a factor of two, friction by half.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MotorFigures {
     /// Moment of inertia of everything that turns, kg m².
     pub inertia_kg_m2: f32,
@@ -24,7 +25,7 @@ pub struct MotorFigures {
 }
 
 /// Figures of the mirror's sensors.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SensorFigures {
     /// Encoder counts a turn, after quadrature decoding.
     pub encoder_counts_per_turn: u32,
@@ -35,7 +36,7 @@ pub struct SensorFigures {
 }
 
 /// Figures of the projector's clock as its frame pulses show it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ClockFigures {
     /// From a frame pulse to the first plane of its frame.
     pub frame_latency: Nanos,
@@ -46,7 +47,7 @@ pub struct ClockFigures {
 }
 
 /// Where safety steps in.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Limits {
     /// The mirror must never turn faster, rad/s.
     pub speed_max_rad_s: f32,
@@ -59,7 +60,7 @@ pub struct Limits {
 }
 
 /// All of it. Check with [`Config::checked`].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Config {
     /// Slices, frames and direction.
     pub rotation: Rotation,

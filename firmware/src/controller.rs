@@ -2,6 +2,7 @@
 
 use crate::actuator::Actuator;
 use crate::config::{Config, ConfigError};
+use crate::frames::Frames;
 use crate::plane_store::TurnHandle;
 use crate::projector_sync::ProjectorSync;
 use crate::rotation::{Index, RotationEstimator};
@@ -12,9 +13,10 @@ use core::f32::consts::TAU;
 use protocol::message::{Command, Fault, State};
 use protocol::timing::Direction;
 use protocol::units::{Nanos, Turns};
+use serde::{Deserialize, Serialize};
 
 /// What may happen to a controller.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Input {
     /// The control timer fired.
     Tick {
@@ -45,7 +47,7 @@ pub enum Input {
 }
 
 /// What to do from now on, until the next output.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Output {
     /// The torque to command, N m, counter-clockwise positive.
     pub torque_nm: f32,
@@ -63,7 +65,7 @@ pub struct Output {
 }
 
 /// Estimates for telemetry; nothing depends on them.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Estimates {
     /// The mirror's angle.
     pub angle: Turns,
@@ -82,7 +84,7 @@ pub struct Estimates {
 pub struct Controller {
     config: Config,
     sign: f32,
-    frame_scale: u64,
+    frames: Frames,
     projector: ProjectorSync,
     rotation: RotationEstimator,
     actuator: Actuator,
@@ -110,7 +112,7 @@ impl Controller {
                 Direction::CounterClockwise => 1.0,
                 Direction::Clockwise => -1.0,
             },
-            frame_scale: u64::MAX / u64::from(config.rotation.frames()),
+            frames: Frames::of(&config.rotation),
             projector: ProjectorSync::new(&config),
             rotation: RotationEstimator::new(&config),
             actuator: Actuator::new(&config),
@@ -228,14 +230,12 @@ impl Controller {
 
     fn reference(&self, now: Nanos) -> Option<Reference> {
         let reading = self.projector.reading(now)?;
-        let frames = self.config.rotation.frames();
-        let speed = TAU * 1e9 / (self.projector.period_ns() * frames as f32);
+        let speed = TAU * 1e9 / (self.projector.period_ns() * self.frames.count() as f32);
         if speed > 0.98 * self.config.limits.speed_max_rad_s {
             return None;
         }
-        let start = ((u64::from(reading.frame) * self.frame_scale) >> 32) as u32;
-        let part = (reading.fraction * (self.frame_scale >> 32) as f32) as u32;
-        Some(Reference { angle: Turns(start.wrapping_add(part)), speed })
+        let angle = self.frames.start(reading.frame) + self.frames.part(reading.fraction);
+        Some(Reference { angle, speed })
     }
 
     fn conditions(&self) -> Conditions {
@@ -273,9 +273,9 @@ impl Controller {
         self.armed_after = Some(reading.serial);
         self.doubtful_frames = if self.projector.is_doubtful() { self.doubtful_frames + 1 } else { 0 };
         // A doubt of a frame leaves a gap in the turn; one of half a turn ends it.
-        let doubted = 2 * self.doubtful_frames > self.config.rotation.frames().max(2);
+        let doubted = 2 * self.doubtful_frames > self.frames.count().max(2);
         let lit = matches!(self.safety.state(), State::Locked | State::Holdover) && self.safety.may_light() && !doubted;
-        let next = (reading.frame + 1 + self.lock.slot()) % self.config.rotation.frames();
+        let next = self.frames.after(reading.frame, 1 + self.lock.slot());
         let (frame, released) = self.sequencer.arm(next, lit);
         (output.armed, output.released[0]) = (Some(frame), released);
     }

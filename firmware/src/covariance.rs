@@ -63,6 +63,8 @@ impl<const N: usize> Covariance<N> {
     }
 
     /// The covariance of every state with the measured sum of `weight * state[from]`, and that sum's variance.
+    // Inlined, the places are constants, and no index needs a check.
+    #[inline(always)]
     pub fn seen_through<const M: usize>(&self, terms: [(usize, f32); M]) -> ([f32; N], f32) {
         let mut gain = [0.0; N];
         for (from, weight) in terms {
@@ -79,8 +81,8 @@ impl<const N: usize> Covariance<N> {
     pub fn reduce(&mut self, gain: &[f32; N], share: f32, floor: &[f32; N]) {
         for i in 0..N {
             let scaled = gain[i] * share;
-            for (j, weight) in gain.iter().enumerate().skip(i) {
-                let value = self.0[i][j] - scaled * weight;
+            for j in i..N {
+                let value = self.0[i][j] - scaled * gain[j];
                 self.0[i][j] = value;
                 self.0[j][i] = value;
             }

@@ -12,6 +12,8 @@ pub mod angle;
 pub mod config;
 pub mod controller;
 pub mod covariance;
+pub mod frames;
+pub mod lockstep;
 pub mod plane_store;
 pub mod probit;
 pub mod projector_sync;

@@ -4,7 +4,7 @@
 use protocol::message::{EndTurn, PlaneData};
 
 /// One of the store's slots for a turn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub struct TurnHandle(pub u8);
 
 /// What the projector shows during one plane.

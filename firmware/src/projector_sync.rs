@@ -9,7 +9,7 @@
 
 use crate::angle::nanos_to_f32;
 use crate::config::Config;
-use heapless::HistoryBuf;
+use crate::frames::Frames;
 use protocol::units::Nanos;
 
 /// What a pulse meant.
@@ -63,12 +63,14 @@ const AGREEING: usize = 3;
 /// The filter.
 #[derive(Clone, Debug)]
 pub struct ProjectorSync {
-    frames_per_turn: u32,
+    frames: Frames,
     latency_ns: u64,
     nominal_ns: f32,
     jitter_variance: f32,
     wander_per_sqrt_s: f32,
-    stamps: HistoryBuf<Nanos, { AGREEING + 1 }>,
+    /// The last ones, the newest last; how many of them there are.
+    stamps: [Nanos; AGREEING + 1],
+    stamped: usize,
     tracking: bool,
     edge: Fine,
     period: Fine,
@@ -93,12 +95,13 @@ impl ProjectorSync {
         // A capture timer resolves a few nanoseconds; a clock said to be perfect is not believed beyond that.
         let jitter_ns = config.clock.frame_jitter_ns.max(10.0);
         Self {
-            frames_per_turn: config.rotation.frames(),
+            frames: Frames::of(&config.rotation),
             latency_ns: config.clock.frame_latency.0,
             nominal_ns: config.rotation.frame_nanos() as f32,
             jitter_variance: jitter_ns * jitter_ns,
             wander_per_sqrt_s: config.clock.wander_ppm_per_sqrt_s.max(0.05) * 1e-6,
-            stamps: HistoryBuf::new(),
+            stamps: [Nanos::ZERO; AGREEING + 1],
+            stamped: 0,
             tracking: false,
             edge: Fine::default(),
             period: Fine::default(),
@@ -145,17 +148,21 @@ impl ProjectorSync {
     /// Forgets the clock, as after a long silence.
     pub fn forget(&mut self) {
         self.tracking = false;
-        self.stamps.clear();
+        self.stamped = 0;
         self.doubtful = false;
         self.contradicted = false;
     }
 
     /// Takes a frame pulse captured at `at`.
     pub fn pulse(&mut self, at: Nanos) -> Pulse {
-        if self.stamps.recent().is_some_and(|last| at.signed_since(*last) <= 0) {
+        if self.stamped > 0 && at.signed_since(self.stamps[AGREEING]) <= 0 {
             return Pulse::Refused;
         }
-        self.stamps.write(at);
+        for i in 0..AGREEING {
+            self.stamps[i] = self.stamps[i + 1];
+        }
+        self.stamps[AGREEING] = at;
+        self.stamped = (self.stamped + 1).min(self.stamps.len());
         let accepted = self.tracking && self.accept(at);
         if let Some(period_ns) = self.agreed_period()
             && (!self.tracking || self.refused >= AGREEING as u32 || self.is_another_rate(period_ns))
@@ -205,7 +212,7 @@ impl ProjectorSync {
         }
         let frames = self.edge.plus(self.latency_ns, 0.0).until(at) / self.period_ns();
         let whole = libm::floorf(frames);
-        let frame = (self.frame as i32).wrapping_add(whole as i32).rem_euclid(self.frames_per_turn as i32) as u32;
+        let frame = self.frames.moved(self.frame, whole as i32);
         let serial = self.serial.wrapping_add_signed(whole as i32);
         Some(ClockReading { serial, frame, fraction: (frames - whole).clamp(0.0, 0.999_999_9) })
     }
@@ -248,7 +255,7 @@ impl ProjectorSync {
         let seconds = self.period_ns() * 1e-9;
         let wander_ns = self.wander_per_sqrt_s * self.period_ns();
         self.edge = self.edge.plus(self.period.whole, self.period.rest);
-        self.frame = (self.frame + 1) % self.frames_per_turn;
+        self.frame = self.frames.after(self.frame, 1);
         self.serial = self.serial.wrapping_add(1);
         self.frames_since_pulse = self.frames_since_pulse.saturating_add(1);
         self.variance_edge += 2.0 * self.covariance + self.variance_period;
@@ -258,12 +265,12 @@ impl ProjectorSync {
 
     /// The period in which the last intervals agree, if they do.
     fn agreed_period(&self) -> Option<f32> {
-        if !self.stamps.is_full() {
+        if self.stamped < self.stamps.len() {
             return None;
         }
-        let stamps = || self.stamps.oldest_ordered();
-        let mean = self.stamps.recent()?.signed_since(*stamps().next()?) as f32 / AGREEING as f32;
-        let mut intervals = stamps().zip(stamps().skip(1)).map(|(from, to)| to.signed_since(*from) as f32);
+        let [oldest, later @ ..] = self.stamps;
+        let mean = self.stamps[AGREEING].signed_since(oldest) as f32 / AGREEING as f32;
+        let mut intervals = self.stamps.iter().zip(later).map(|(from, to)| to.signed_since(*from) as f32);
         let agree = intervals.all(|interval| libm::fabsf(interval - mean) < self.interval_tolerance_ns(mean));
         // A projector may run at a quarter or at four times the rate that the rig names; anything else is no frame clock.
         (agree && mean > 0.25 * self.nominal_ns && mean < 4.0 * self.nominal_ns).then_some(mean)
@@ -280,7 +287,7 @@ impl ProjectorSync {
     fn restart(&mut self, at: Nanos, period_ns: f32) {
         if self.tracking {
             // Numbering goes on with the pulses that were refused, so that a slight change of rate keeps the picture where it is.
-            self.frame = (self.frame + self.refused) % self.frames_per_turn;
+            self.frame = self.frames.after(self.frame, self.refused);
             self.serial = self.serial.wrapping_add(self.refused + 1);
         }
         self.tracking = true;

@@ -131,7 +131,7 @@ impl RotationEstimator {
                 Direction::Clockwise => -1,
             },
             counts_per_turn: sensors.encoder_counts_per_turn,
-            count_scale: u64::MAX / u64::from(sensors.encoder_counts_per_turn),
+            count_scale: u64::MAX / u64::from(sensors.encoder_counts_per_turn.max(1)),
             count_rad,
             nominal_yield,
             viscous: motor.viscous_friction_nm_s,

@@ -50,7 +50,7 @@ impl Conditions {
 }
 
 /// Levels of the safety inputs: true is active.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Levels {
     /// The emergency stop is pressed.
     pub emergency_stop: bool,

@@ -4,7 +4,7 @@ use crate::plane_store::{Plane, TurnHandle};
 use protocol::timing::Rotation;
 
 /// What the projector shows for the length of a frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Frame {
     /// Nothing.
     #[default]

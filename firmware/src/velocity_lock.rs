@@ -7,6 +7,7 @@
 
 use crate::angle::{advanced, radians_between};
 use crate::config::Config;
+use crate::frames::Frames;
 use crate::rotation::RotationEstimator;
 use crate::trajectory::{Trajectory, Waypoint};
 use core::f32::consts::TAU;
@@ -38,8 +39,7 @@ enum Phase {
 #[derive(Clone, Debug)]
 pub struct VelocityLock {
     torque_max_nm: f32,
-    frames: u32,
-    frame_scale: u64,
+    frames: Frames,
     slice_rad: f32,
     tick_s: f32,
     gain_error: f32,
@@ -90,8 +90,7 @@ impl VelocityLock {
     pub fn new(config: &Config) -> Self {
         Self {
             torque_max_nm: config.motor.torque_max_nm,
-            frames: config.rotation.frames(),
-            frame_scale: u64::MAX / u64::from(config.rotation.frames()),
+            frames: Frames::of(&config.rotation),
             slice_rad: config.slice_rad(),
             tick_s: 1.0 / config.control_rate_hz,
             gain_error: BANDWIDTH_RAD_S * BANDWIDTH_RAD_S,
@@ -145,7 +144,7 @@ impl VelocityLock {
             self.phase = Phase::Off;
             return 0.0;
         };
-        self.error = radians_between(reference.angle + self.slot_angle(), mirror.angle());
+        self.error = radians_between(reference.angle + self.frames.start(self.slot), mirror.angle());
         self.rate = mirror.speed() - reference.speed;
         self.change_phase(mirror, reference);
         self.swing_where_unsure(mirror, may_swing);
@@ -158,13 +157,9 @@ impl VelocityLock {
             }
             Phase::Track => self.follow(mirror, reference, Waypoint::default(), Waypoint::default(), lead_s),
         };
-        let torque = if wanted.is_finite() { wanted.clamp(-self.torque_max_nm, self.torque_max_nm) } else { 0.0 };
+        let torque = if wanted.is_finite() { wanted.max(-self.torque_max_nm).min(self.torque_max_nm) } else { 0.0 };
         self.saturated_ticks = if torque == wanted { 0 } else { self.saturated_ticks + 1 };
         torque
-    }
-
-    fn slot_angle(&self) -> Turns {
-        Turns(((u64::from(self.slot) * self.frame_scale) >> 32) as u32)
     }
 
     fn change_phase(&mut self, mirror: &RotationEstimator, reference: Reference) {
@@ -200,7 +195,7 @@ impl VelocityLock {
     /// By how much the speed is wrong when a landing is planned.
     fn plan_below(&self, mirror: &RotationEstimator, reference: Reference) -> f32 {
         let limit = self.acceleration_limit(mirror, reference).max(1.0);
-        let spacing = TAU / self.frames as f32;
+        let spacing = TAU / self.frames.count() as f32;
         let long = (LANDING_S * limit).max(libm::sqrtf(2.0 * LANDING_PLACES * spacing * limit));
         (PLAN_BELOW * reference.speed.abs()).min(long)
     }
@@ -263,7 +258,7 @@ impl VelocityLock {
             return;
         }
         let limit = self.acceleration_limit(mirror, reference).max(1.0);
-        let spacing = TAU / self.frames as f32;
+        let spacing = TAU / self.frames.count() as f32;
         let way = match Trajectory::landing(self.error, self.rate, spacing, limit) {
             Some(way) => way,
             None => {
@@ -274,7 +269,7 @@ impl VelocityLock {
             }
         };
         let places = libm::roundf((self.error - way.at(0.0).error) / spacing) as i32;
-        self.slot = (self.slot as i32 + places).rem_euclid(self.frames as i32) as u32;
+        self.slot = self.frames.moved(self.slot, places);
         self.error -= places as f32 * spacing;
         self.phase = Phase::Follow { way, elapsed_s: 0.0 };
     }

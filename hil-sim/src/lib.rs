@@ -6,6 +6,7 @@ pub mod device;
 pub mod eye;
 pub mod faults;
 pub mod frame_store;
+pub mod image;
 pub mod motor;
 pub mod noise;
 pub mod plant;

@@ -186,7 +186,7 @@ impl<const N: usize> Decoder<N> {
     pub fn next<'a>(&'a mut self, input: &mut &[u8]) -> Option<Result<Packet<'a>, PacketError>> {
         let ended = self.read(input)?;
         let length = core::mem::take(&mut self.length);
-        let packet = ended.and_then(|()| open(&self.buffer[..length]));
+        let packet = ended.and_then(|()| open(self.buffer.get(..length).unwrap_or_default()));
         let count = match packet {
             Ok(_) => &mut self.counts.packets,
             Err(PacketError::Check { .. }) => &mut self.counts.check,

@@ -101,7 +101,7 @@ impl RotationEstimator {
 
     /// The count within a turn after `counts` more. One turn more or less needs no division, of which a Cortex-M4 has none in 64 bits.
     pub(super) fn wrapped(&self, counts: i32) -> u32 {
-        let per_turn = i64::from(self.counts_per_turn);
+        let per_turn = i64::from(self.counts_per_turn.max(1));
         let sum = i64::from(self.count_in_turn) + i64::from(counts);
         let wrapped = match sum {
             _ if sum < -per_turn || sum >= 2 * per_turn => sum.rem_euclid(per_turn),
