@@ -39,7 +39,10 @@ async fn world(mut machine: Machine) {
         WORLD.received().await;
         let frame = WORLD.take::<FRAME_BYTES_MAX>();
         // What cannot be read is not answered: the simulator waits, and gives up.
-        let Some((serial, request)) = lockstep::read::<Request>(&frame) else { continue };
+        let Some((serial, request)) = lockstep::read::<Request>(&frame) else {
+            defmt::warn!("a frame of {} bytes says nothing", frame.len());
+            continue;
+        };
         let answer: Option<Answer> = with_session(|session| session.answer(&request, &mut machine));
         let mut frame = [0; FRAME_BYTES_MAX];
         if let Some(bytes) = answer.and_then(|answer| lockstep::write(serial, &answer, &mut frame)) {
