@@ -75,6 +75,8 @@ pub struct RotationEstimator {
     torque_nm: f32,
     shaking_rad: f32,
     shaking_variance: f32,
+    /// What [`BRAKE`]'s covariance leaves out, per relative yield and drag, rad/s².
+    centre: [f32; 2],
     covariance: Covariance<STATES>,
 
     health: Health,
@@ -159,6 +161,7 @@ impl RotationEstimator {
             torque_nm: 0.0,
             shaking_rad: 0.0,
             shaking_variance: 0.0,
+            centre: [0.0; 2],
             covariance: Covariance::diagonal([0.0; STATES]),
             health: Health::default(),
             window: SpeedWindow::default(),
@@ -293,6 +296,7 @@ impl RotationEstimator {
         let count = self.count_rad * self.count_rad;
         // The brake also stands for an inertia that is half of what was said.
         let brake = self.strength;
+        self.centre = [0.0; 2];
         self.covariance =
             Covariance::diagonal([count, sigma * sigma, brake * brake, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     }

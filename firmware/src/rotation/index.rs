@@ -109,6 +109,7 @@ impl RotationEstimator {
         let count = self.count_rad * self.count_rad;
         let brake = 0.5 * self.nominal_brake + 0.01 * self.strength;
         let imbalance = 9e-4 * self.strength * self.strength;
+        self.centre = [0.0; 2];
         self.covariance = Covariance::diagonal([
             1e-8,
             0.25,
