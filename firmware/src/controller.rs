@@ -249,6 +249,7 @@ impl Controller {
             turns_since_index: self.rotation.turns_since_index(),
             clock_known: self.projector.is_tracking(),
             frames_missing: self.projector.frames_missing(),
+            contradicted: self.rotation.is_contradicted(),
             model_impossible: self.rotation.model_is_impossible(),
             tracking: self.lock.is_tracking(),
             error_slices: self.lock.error_slices(),

@@ -106,6 +106,7 @@ struct Health {
     last_refused: Turns,
     radians_since_index: f32,
     counts_expected: f32,
+    contradicted: bool,
 }
 
 /// A count further outside than this many sigmas is no noise.
@@ -249,6 +250,11 @@ impl RotationEstimator {
     /// Whether the encoder stands still although the mirror should have passed many counts.
     pub fn encoder_is_silent(&self) -> bool {
         self.moving && self.health.counts_expected > SILENT_COUNTS
+    }
+
+    /// Whether counts have contradicted the estimate since the last index: they slipped, or something pushed the mirror.
+    pub fn is_contradicted(&self) -> bool {
+        self.health.contradicted
     }
 
     /// Turns since the last index that was believed.

@@ -23,6 +23,8 @@ pub struct Conditions {
     pub clock_known: bool,
     /// Frames since the last pulse.
     pub frames_missing: u32,
+    /// Counts have contradicted the estimate since the last index.
+    pub contradicted: bool,
     /// What the estimator has learnt of the motor is true of no motor.
     pub model_impossible: bool,
     /// The loop is at the end of its planned way.
@@ -40,7 +42,7 @@ pub struct Conditions {
 impl Conditions {
     /// Whether planes lit by this estimate are where they belong, as far as filter and index can tell.
     fn is_sharp(&self) -> bool {
-        3.0 * self.sigma_slices.max(self.scatter_slices) < DARK_SLICES
+        3.0 * self.sigma_slices.max(self.scatter_slices) < DARK_SLICES && !self.contradicted
     }
 
     /// Whether the mirror is in step, and known to be, as closely as good sensors allow.

@@ -27,6 +27,7 @@ impl RotationEstimator {
         let sigma = libm::sqrtf(total);
         let outside = (within - half).abs() - half;
         if outside > GATE_SIGMAS * sigma && outside > 0.25 * self.count_rad {
+            self.health.contradicted = true;
             if self.health.radians_since_slip > TURNS_BETWEEN_SLIPS * TAU {
                 self.refuse_count(within);
                 return;
@@ -67,6 +68,7 @@ impl RotationEstimator {
         self.health.ticks_outside = if depth < -3.0 { self.health.ticks_outside + 1 } else { 0 };
         if self.health.ticks_outside >= 4 {
             self.health.ticks_outside = 0;
+            self.health.contradicted = true;
             let surprise = 0.02 * self.count_rad * self.count_rad;
             // While the index comes it will tell of a push soon, and more exactly; so this is rather a slip seen from its near end.
             if self.turns_since_index() < 2.0 {

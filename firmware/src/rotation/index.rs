@@ -46,6 +46,7 @@ impl RotationEstimator {
         self.health.index_scatter += 0.3 * (surprise - self.health.index_scatter);
         self.correct(&gain, innovation / total, 1.0 / total);
         self.health.index_refused = 0;
+        self.health.contradicted = false;
         self.health.index_accepted = self.health.index_accepted.saturating_add(1);
         self.health.radians_since_index = 0.0;
         Index::Accepted
@@ -92,6 +93,7 @@ impl RotationEstimator {
         self.encoder_zero += angle;
         (self.sine, self.cosine) = sin_cos(self.angle);
         self.health.index_refused = 0;
+        self.health.contradicted = false;
         self.health.radians_since_index = 0.0;
         if !self.moving {
             return;
