@@ -12,6 +12,7 @@ pub mod angle;
 pub mod config;
 pub mod controller;
 pub mod covariance;
+pub mod plane_run;
 pub mod plane_store;
 pub mod probit;
 pub mod projector_sync;

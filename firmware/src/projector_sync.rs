@@ -9,6 +9,7 @@
 
 use crate::angle::nanos_to_f32;
 use crate::config::Config;
+use crate::plane_run::PlaneRun;
 use heapless::HistoryBuf;
 use protocol::units::Nanos;
 
@@ -79,6 +80,7 @@ pub struct ProjectorSync {
     doubtful: bool,
     contradicted: bool,
     last_plane: Option<Nanos>,
+    run: PlaneRun,
     planes: f32,
     plane_tolerance: f32,
     // Of (edge, period), in ns².
@@ -109,6 +111,7 @@ impl ProjectorSync {
             doubtful: false,
             contradicted: false,
             last_plane: None,
+            run: PlaneRun::default(),
             planes: config.rotation.planes_per_frame() as f32,
             plane_tolerance: plane_tolerance(config, jitter_ns),
             variance_edge: 0.0,
@@ -174,6 +177,7 @@ impl ProjectorSync {
     /// not come, makes the clock doubtful until frame and plane pulses have agreed for a frame.
     pub fn plane_pulse(&mut self, at: Nanos) {
         let last = self.last_plane.replace(at);
+        self.run.add(at, self.interval_tolerance_ns(self.period_ns() / self.planes));
         if !self.tracking {
             return;
         }
@@ -182,6 +186,33 @@ impl ProjectorSync {
         let gap = last.is_some_and(|last| at.signed_since(last) as f32 * self.planes > 1.5 * self.period_ns());
         self.contradicted |= astray || gap;
         self.doubtful |= self.contradicted;
+        if self.contradicted {
+            self.follow_planes();
+        }
+    }
+
+    /// Takes up the rate of the planes where they have agreed on one since the first plane of the last frame that pulsed. Two frames
+    /// earlier than frame pulses can agree, of the 24 that a mirror with half the inertia takes from 240 to 180 Hz.
+    fn follow_planes(&mut self) {
+        let Some((start, plane_ns)) = self.run.agreed() else {
+            return;
+        };
+        let off_ns = self.edge.plus(self.latency_ns, 0.0).until(start);
+        if self.frames_since_pulse > 0
+            || libm::fabsf(off_ns) > 0.25 * plane_ns
+            || !self.is_possible(plane_ns * self.planes)
+        {
+            return;
+        }
+        self.period = Fine::default().plus(0, plane_ns * self.planes);
+        self.variance_period = self.planes * self.planes * self.run.variance(self.jitter_variance);
+        self.covariance = 0.0;
+        self.contradicted = false;
+    }
+
+    /// A projector may run at a quarter or at four times the rate that the rig names; anything else is no frame clock.
+    fn is_possible(&self, period_ns: f32) -> bool {
+        period_ns > 0.25 * self.nominal_ns && period_ns < 4.0 * self.nominal_ns
     }
 
     /// Lets the clock run on to `now` without a pulse. Call at every control tick.
@@ -265,8 +296,7 @@ impl ProjectorSync {
         let mean = self.stamps.recent()?.signed_since(*stamps().next()?) as f32 / AGREEING as f32;
         let mut intervals = stamps().zip(stamps().skip(1)).map(|(from, to)| to.signed_since(*from) as f32);
         let agree = intervals.all(|interval| libm::fabsf(interval - mean) < self.interval_tolerance_ns(mean));
-        // A projector may run at a quarter or at four times the rate that the rig names; anything else is no frame clock.
-        (agree && mean > 0.25 * self.nominal_ns && mean < 4.0 * self.nominal_ns).then_some(mean)
+        (agree && self.is_possible(mean)).then_some(mean)
     }
 
     fn is_another_rate(&self, period_ns: f32) -> bool {
