@@ -197,14 +197,15 @@ impl ProjectorSync {
         let Some((start, plane_ns)) = self.run.agreed() else {
             return;
         };
+        let period_ns = plane_ns * self.planes;
         let off_ns = self.edge.plus(self.latency_ns, 0.0).until(start);
-        if self.frames_since_pulse > 0
-            || libm::fabsf(off_ns) > 0.25 * plane_ns
-            || !self.is_possible(plane_ns * self.planes)
+        // Eight sigmas of the period that eight intervals tell: a plane pulse that was lost is no new rate.
+        let new = libm::fabsf(period_ns - self.period_ns()) > 4.0 * self.interval_tolerance_ns(period_ns);
+        if self.frames_since_pulse > 0 || libm::fabsf(off_ns) > 0.25 * plane_ns || !(new && self.is_possible(period_ns))
         {
             return;
         }
-        self.period = Fine::default().plus(0, plane_ns * self.planes);
+        self.period = Fine::default().plus(0, period_ns);
         self.variance_period = self.planes * self.planes * self.run.variance(self.jitter_variance);
         self.covariance = 0.0;
         self.contradicted = false;
@@ -257,7 +258,7 @@ impl ProjectorSync {
         let innovation = ahead.edge.until(at);
         let variance = ahead.variance_edge + self.jitter_variance;
         if innovation * innovation > GATE_SIGMAS * GATE_SIGMAS * variance {
-            self.refused += 1;
+            self.refused = self.refused.saturating_add(1);
             self.doubtful = true;
             return false;
         }

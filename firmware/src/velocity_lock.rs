@@ -162,7 +162,7 @@ impl VelocityLock {
             Phase::Track => self.follow(mirror, reference, Waypoint::default(), Waypoint::default(), lead_s),
         };
         let torque = if wanted.is_finite() { wanted.clamp(-self.torque_max_nm, self.torque_max_nm) } else { 0.0 };
-        self.saturated_ticks = if torque == wanted { 0 } else { self.saturated_ticks + 1 };
+        self.saturated_ticks = if torque == wanted { 0 } else { self.saturated_ticks.saturating_add(1) };
         torque
     }
 

@@ -90,7 +90,7 @@ impl RotationEstimator {
     }
 
     pub(super) fn refuse_count(&mut self, within: f32) {
-        self.health.encoder_refused += 1;
+        self.health.encoder_refused = self.health.encoder_refused.saturating_add(1);
         let half = 0.5 * self.count_rad;
         if self.health.encoder_refused == 8 {
             // No torque moves the mirror by a quarter of a count in a tick: counts were lost or added.

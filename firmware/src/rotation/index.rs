@@ -33,7 +33,8 @@ impl RotationEstimator {
         let (mut gain, mut variance) = self.covariance.seen_through(terms);
         let surprise = innovation * innovation;
         self.health.index_surprise = surprise / (variance + noise);
-        if surprise > GATE_SIGMAS * GATE_SIGMAS * (variance + noise) + 4e-10 {
+        let pushed = surprise > GATE_SIGMAS * GATE_SIGMAS * (variance + noise) + 4e-10;
+        if pushed {
             // A pulse that means nothing hardly ever comes within a count of where the index is: this one is real, and something has
             // pushed the mirror since the last one.
             if innovation.abs() > NEAR_INDEX_RAD {
@@ -46,7 +47,7 @@ impl RotationEstimator {
         self.health.index_scatter += 0.3 * (surprise - self.health.index_scatter);
         self.correct(&gain, innovation / total, 1.0 / total);
         self.health.index_refused = 0;
-        self.health.contradicted = false;
+        self.health.contradicted = pushed;
         self.health.index_accepted = self.health.index_accepted.saturating_add(1);
         self.health.radians_since_index = 0.0;
         Index::Accepted
