@@ -311,8 +311,8 @@ impl ProjectorSync {
     fn restart(&mut self, at: Nanos, period_ns: f32) {
         if self.tracking {
             // Numbering goes on with the pulses that were refused, so that a slight change of rate keeps the picture where it is.
-            self.frame = (self.frame + self.refused) % self.frames_per_turn;
-            self.serial = self.serial.wrapping_add(self.refused + 1);
+            self.frame = (self.frame + self.refused % self.frames_per_turn) % self.frames_per_turn;
+            self.serial = self.serial.wrapping_add(self.refused).wrapping_add(1);
         }
         self.tracking = true;
         self.edge = Fine { whole: at.0, rest: 0.0 };

@@ -8,6 +8,9 @@ use protocol::units::{Nanos, Turns};
 /// Closer than this to where it was expected, an index pulse is believed whatever the estimate says: chance would put one of 300 here.
 const NEAR_INDEX_RAD: f32 = 0.01;
 
+/// So soon after an index that was believed another one is its echo.
+const ECHO_RAD: f32 = 0.05;
+
 /// Variances before anything is known: an eccentricity of a tenth of a degree, inertia off by a factor of two, drag by half.
 const ECCENTRICITY: f32 = 4e-6;
 const INERTIA: f32 = 0.3;
@@ -24,6 +27,9 @@ impl RotationEstimator {
         if !self.moving || !self.anchored {
             self.anchor(angle);
             return Index::Anchored;
+        }
+        if self.health.index_accepted > 0 && self.health.radians_since_index < ECHO_RAD {
+            return Index::Refused;
         }
         let innovation = -radians_between(Turns::ZERO, angle);
         let jitter = self.noise.index_jitter_s * self.speed.abs();

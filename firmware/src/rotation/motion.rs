@@ -20,10 +20,18 @@ impl RotationEstimator {
         self.nominal_yield * self.relative_yield
     }
 
-    /// Whether what was learnt is true of no motor: friction that drives by more than 2 % of the torque there is, or a drag at the end of its
+    /// Whether what was learnt is true of no motor: friction that surely drives, and by more than 2 % of the torque there is, or a drag at the end of its
     /// scale. A motor with half the torque that was named is first explained so; light was then half a slice off.
     pub fn model_is_impossible(&self) -> bool {
-        self.brake < -0.02 * self.strength || !(-0.5..=4.5).contains(&self.relative_drag)
+        let drives = self.brake < -0.02 * self.strength && self.brake < -2.0 * self.sigma_brake();
+        drives || !(-0.5..=4.5).contains(&self.relative_drag)
+    }
+
+    /// The standard deviation of the brake by itself, rad/s².
+    fn sigma_brake(&self) -> f32 {
+        let [per_yield, per_drag] = self.centre;
+        let (_, variance) = self.covariance.seen_through([(BRAKE, 1.0), (YIELD, per_yield), (DRAG, per_drag)]);
+        libm::sqrtf(variance.max(0.0))
     }
 
     /// The torque that keeps acceleration at `acceleration` rad/s² while turning at `speed` rad/s at angle `angle`, N m: friction and
