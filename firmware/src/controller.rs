@@ -95,6 +95,8 @@ pub struct Controller {
     last_tick: Option<Nanos>,
     armed_after: Option<u32>,
     doubtful_frames: u32,
+    /// A first frame of a turn in which the clock was in doubt.
+    missed_start: Option<u32>,
     torque: f32,
 }
 
@@ -123,6 +125,7 @@ impl Controller {
             last_tick: None,
             armed_after: None,
             doubtful_frames: 0,
+            missed_start: None,
             torque: 0.0,
         })
     }
@@ -147,7 +150,7 @@ impl Controller {
             Input::TurnReady(turn) => output.released[1] = self.sequencer.ready(turn),
             Input::Levels(levels) => self.safety.levels(now, levels),
         }
-        self.settle(&mut output);
+        self.settle(now, &mut output);
         output
     }
 
@@ -212,7 +215,7 @@ impl Controller {
     }
 
     /// What holds after every input: no torque and no light but where safety allows them.
-    fn settle(&mut self, output: &mut Output) {
+    fn settle(&mut self, now: Nanos, output: &mut Output) {
         if !self.safety.may_drive() {
             self.lock.release();
             self.torque = 0.0;
@@ -222,10 +225,31 @@ impl Controller {
         if !matches!(state, State::Locked | State::Holdover) || !self.safety.may_light() {
             self.sequencer.close();
         }
+        let start_missed = self.watch_start(now);
         output.state = state;
         output.torque_nm = self.torque * self.sign;
-        output.light = self.safety.may_light() && (state == State::Service || !self.projector.is_doubtful());
+        output.light =
+            self.safety.may_light() && (state == State::Service || !self.projector.is_doubtful() && !start_missed);
         output.fault = self.safety.fault();
+    }
+
+    /// Whether the frame on screen is the first of a turn and has been in doubt, or may still be that. A turn whose start was dark stays dark: light that came
+    /// back at its 24th slice began a turn in the middle, for one lost plane pulse in six.
+    fn watch_start(&mut self, now: Nanos) -> bool {
+        let doubtful = self.projector.is_doubtful();
+        if !doubtful && self.missed_start.is_none() {
+            return false;
+        }
+        let Some(reading) = self.projector.reading(now) else {
+            return false;
+        };
+        if doubtful && (reading.frame + self.lock.slot()).is_multiple_of(self.config.rotation.frames()) {
+            self.sequencer.close();
+            self.missed_start = Some(reading.serial);
+        }
+        // The pulse of the frame after it may come before its last plane ends, and nothing is armed for that frame.
+        self.missed_start = self.missed_start.filter(|serial| reading.serial.wrapping_sub(*serial) <= 1);
+        self.missed_start.is_some()
     }
 
     fn reference(&self, now: Nanos) -> Option<Reference> {
@@ -249,6 +273,7 @@ impl Controller {
             turns_since_index: self.rotation.turns_since_index(),
             clock_known: self.projector.is_tracking(),
             frames_missing: self.projector.frames_missing(),
+            contradicted: self.rotation.is_contradicted(),
             model_impossible: self.rotation.model_is_impossible(),
             tracking: self.lock.is_tracking(),
             error_slices: self.lock.error_slices(),
@@ -271,7 +296,7 @@ impl Controller {
             return;
         }
         self.armed_after = Some(reading.serial);
-        self.doubtful_frames = if self.projector.is_doubtful() { self.doubtful_frames + 1 } else { 0 };
+        self.doubtful_frames = if self.projector.is_doubtful() { self.doubtful_frames.saturating_add(1) } else { 0 };
         // A doubt of a frame leaves a gap in the turn; one of half a turn ends it.
         let doubted = 2 * self.doubtful_frames > self.frames.count().max(2);
         let lit = matches!(self.safety.state(), State::Locked | State::Holdover) && self.safety.may_light() && !doubted;

@@ -14,6 +14,7 @@ pub mod controller;
 pub mod covariance;
 pub mod frames;
 pub mod lockstep;
+pub mod plane_run;
 pub mod plane_store;
 pub mod probit;
 pub mod projector_sync;

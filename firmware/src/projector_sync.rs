@@ -10,6 +10,7 @@
 use crate::angle::nanos_to_f32;
 use crate::config::Config;
 use crate::frames::Frames;
+use crate::plane_run::PlaneRun;
 use protocol::units::Nanos;
 
 /// What a pulse meant.
@@ -81,6 +82,7 @@ pub struct ProjectorSync {
     doubtful: bool,
     contradicted: bool,
     last_plane: Option<Nanos>,
+    run: PlaneRun,
     planes: f32,
     plane_tolerance: f32,
     // Of (edge, period), in ns².
@@ -112,6 +114,7 @@ impl ProjectorSync {
             doubtful: false,
             contradicted: false,
             last_plane: None,
+            run: PlaneRun::default(),
             planes: config.rotation.planes_per_frame() as f32,
             plane_tolerance: plane_tolerance(config, jitter_ns),
             variance_edge: 0.0,
@@ -181,6 +184,7 @@ impl ProjectorSync {
     /// not come, makes the clock doubtful until frame and plane pulses have agreed for a frame.
     pub fn plane_pulse(&mut self, at: Nanos) {
         let last = self.last_plane.replace(at);
+        self.run.add(at, self.interval_tolerance_ns(self.period_ns() / self.planes));
         if !self.tracking {
             return;
         }
@@ -189,6 +193,34 @@ impl ProjectorSync {
         let gap = last.is_some_and(|last| at.signed_since(last) as f32 * self.planes > 1.5 * self.period_ns());
         self.contradicted |= astray || gap;
         self.doubtful |= self.contradicted;
+        if self.contradicted {
+            self.follow_planes();
+        }
+    }
+
+    /// Takes up the rate of the planes where they have agreed on one since the first plane of the last frame that pulsed. Two frames
+    /// earlier than frame pulses can agree, of the 24 that a mirror with half the inertia takes from 240 to 180 Hz.
+    fn follow_planes(&mut self) {
+        let Some((start, plane_ns)) = self.run.agreed() else {
+            return;
+        };
+        let period_ns = plane_ns * self.planes;
+        let off_ns = self.edge.plus(self.latency_ns, 0.0).until(start);
+        // Eight sigmas of the period that eight intervals tell: a plane pulse that was lost is no new rate.
+        let new = libm::fabsf(period_ns - self.period_ns()) > 4.0 * self.interval_tolerance_ns(period_ns);
+        if self.frames_since_pulse > 0 || libm::fabsf(off_ns) > 0.25 * plane_ns || !(new && self.is_possible(period_ns))
+        {
+            return;
+        }
+        self.period = Fine::default().plus(0, period_ns);
+        self.variance_period = self.planes * self.planes * self.run.variance(self.jitter_variance);
+        self.covariance = 0.0;
+        self.contradicted = false;
+    }
+
+    /// A projector may run at a quarter or at four times the rate that the rig names; anything else is no frame clock.
+    fn is_possible(&self, period_ns: f32) -> bool {
+        period_ns > 0.25 * self.nominal_ns && period_ns < 4.0 * self.nominal_ns
     }
 
     /// Lets the clock run on to `now` without a pulse. Call at every control tick.
@@ -233,7 +265,7 @@ impl ProjectorSync {
         let innovation = ahead.edge.until(at);
         let variance = ahead.variance_edge + self.jitter_variance;
         if innovation * innovation > GATE_SIGMAS * GATE_SIGMAS * variance {
-            self.refused += 1;
+            self.refused = self.refused.saturating_add(1);
             self.doubtful = true;
             return false;
         }
@@ -272,8 +304,7 @@ impl ProjectorSync {
         let mean = self.stamps[AGREEING].signed_since(oldest) as f32 / AGREEING as f32;
         let mut intervals = self.stamps.iter().zip(later).map(|(from, to)| to.signed_since(*from) as f32);
         let agree = intervals.all(|interval| libm::fabsf(interval - mean) < self.interval_tolerance_ns(mean));
-        // A projector may run at a quarter or at four times the rate that the rig names; anything else is no frame clock.
-        (agree && mean > 0.25 * self.nominal_ns && mean < 4.0 * self.nominal_ns).then_some(mean)
+        (agree && self.is_possible(mean)).then_some(mean)
     }
 
     fn is_another_rate(&self, period_ns: f32) -> bool {
@@ -288,7 +319,7 @@ impl ProjectorSync {
         if self.tracking {
             // Numbering goes on with the pulses that were refused, so that a slight change of rate keeps the picture where it is.
             self.frame = self.frames.after(self.frame, self.refused);
-            self.serial = self.serial.wrapping_add(self.refused + 1);
+            self.serial = self.serial.wrapping_add(self.refused).wrapping_add(1);
         }
         self.tracking = true;
         self.edge = Fine { whole: at.0, rest: 0.0 };

@@ -156,3 +156,40 @@ fn a_plane_pulse_contradicts_a_clock_that_stepped() {
         assert!(!clock.sync.is_doubtful());
     }
 }
+
+#[test]
+fn planes_tell_a_new_rate_within_their_frame() {
+    for stretch in [4.0 / 3.0, 0.75, 1.2] {
+        let mut clock = Clock::new(50.0);
+        (0..100).for_each(|_| {
+            clock.tick();
+        });
+        let edge = clock.next_ns - clock.period_ns;
+        let plane_ns = clock.period_ns / 24.0;
+        for plane in -10..10 {
+            let at = edge + f64::from(plane) * plane_ns * if plane < 0 { 1.0 } else { stretch };
+            clock.sync.plane_pulse(Nanos(at as u64));
+        }
+        let told = f64::from(clock.sync.period_ns()) / clock.period_ns;
+        assert!((told / stretch - 1.0).abs() < 3e-3, "{stretch}: {told}");
+        assert!(clock.sync.is_doubtful());
+        clock.period_ns *= stretch;
+        clock.next_ns = edge + clock.period_ns;
+        assert_eq!(clock.tick(), Pulse::Accepted);
+        assert!(!clock.sync.is_doubtful());
+    }
+}
+
+#[test]
+fn planes_that_begin_nowhere_tell_nothing() {
+    let mut clock = Clock::new(50.0);
+    (0..100).for_each(|_| {
+        clock.tick();
+    });
+    let (edge, period_ns) = (clock.next_ns - clock.period_ns, clock.sync.period_ns());
+    for plane in 0..20 {
+        clock.sync.plane_pulse(Nanos((edge + 90_000.0 + f64::from(plane) * 231_481.0) as u64));
+    }
+    assert_eq!(clock.sync.period_ns(), period_ns);
+    assert!(clock.sync.is_doubtful());
+}

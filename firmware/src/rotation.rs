@@ -75,6 +75,8 @@ pub struct RotationEstimator {
     torque_nm: f32,
     shaking_rad: f32,
     shaking_variance: f32,
+    /// What [`BRAKE`]'s covariance leaves out, per relative yield and drag, rad/s².
+    centre: [f32; 2],
     covariance: Covariance<STATES>,
 
     health: Health,
@@ -104,6 +106,7 @@ struct Health {
     last_refused: Turns,
     radians_since_index: f32,
     counts_expected: f32,
+    contradicted: bool,
 }
 
 /// A count further outside than this many sigmas is no noise.
@@ -159,6 +162,7 @@ impl RotationEstimator {
             torque_nm: 0.0,
             shaking_rad: 0.0,
             shaking_variance: 0.0,
+            centre: [0.0; 2],
             covariance: Covariance::diagonal([0.0; STATES]),
             health: Health::default(),
             window: SpeedWindow::default(),
@@ -248,6 +252,11 @@ impl RotationEstimator {
         self.moving && self.health.counts_expected > SILENT_COUNTS
     }
 
+    /// Whether counts have contradicted the estimate since the last index: they slipped, or something pushed the mirror.
+    pub fn is_contradicted(&self) -> bool {
+        self.health.contradicted
+    }
+
     /// Turns since the last index that was believed.
     pub fn turns_since_index(&self) -> f32 {
         self.health.radians_since_index / core::f32::consts::TAU
@@ -293,6 +302,7 @@ impl RotationEstimator {
         let count = self.count_rad * self.count_rad;
         // The brake also stands for an inertia that is half of what was said.
         let brake = self.strength;
+        self.centre = [0.0; 2];
         self.covariance =
             Covariance::diagonal([count, sigma * sigma, brake * brake, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     }

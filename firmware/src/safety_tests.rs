@@ -15,6 +15,7 @@ fn well() -> Conditions {
         turns_since_index: 0.5,
         clock_known: true,
         frames_missing: 0,
+        contradicted: false,
         model_impossible: false,
         tracking: true,
         error_slices: 0.0,
@@ -114,6 +115,37 @@ fn a_doubt_within_a_turn_is_dark_for_a_turn() {
 }
 
 #[test]
+fn a_count_that_contradicts_is_dark_at_once_and_for_a_turn() {
+    let mut bench = Bench::locked();
+    bench.run(1.0, well());
+    assert!(bench.safety.may_light());
+    bench.run(250e-6, Conditions { contradicted: true, ..well() });
+    assert_eq!((bench.safety.state(), bench.safety.may_light()), (State::Locked, false));
+    bench.run(0.045, well());
+    assert!(!bench.safety.may_light());
+    bench.run(0.01, well());
+    assert!(bench.safety.may_light());
+}
+
+#[test]
+fn who_is_sure_locks_after_a_turn_and_who_is_less_so_later() {
+    let locks_after = |conditions: Conditions| {
+        let mut bench = Bench::new();
+        bench.safety.command(bench.now, Command::Start, true);
+        (0..1_000).find(|_| {
+            bench.run(1e-3, conditions);
+            bench.safety.state() == State::Locked
+        })
+    };
+    let ms = |sigma_slices, error_slices| locks_after(Conditions { sigma_slices, error_slices, ..well() }).unwrap();
+    // A turn takes 50 ms.
+    assert!((50..54).contains(&ms(0.003, 0.005)));
+    assert!((300..304).contains(&ms(0.004, 0.0)));
+    assert!((300..304).contains(&ms(0.003, 0.008)));
+    assert_eq!(locks_after(Conditions { error_slices: 0.03, ..well() }), None);
+}
+
+#[test]
 fn a_model_of_no_motor_never_locks() {
     let mut bench = Bench::new();
     bench.safety.command(bench.now, Command::Start, true);
@@ -183,6 +215,7 @@ fn conditions() -> impl Strategy<Value = Conditions> {
         turns_since_index: figures.2,
         clock_known,
         frames_missing: figures.3,
+        contradicted: false,
         model_impossible: false,
         tracking,
         error_slices: figures.4,

@@ -3,8 +3,10 @@
 /// A way from a phase error (radians, and its rate in rad/s) to zero at zero rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Trajectory {
-    /// Constant acceleration until the speed is right, taken back linearly at the end.
+    /// At the rate that there is for a while, then constant acceleration until the speed is right, taken back linearly at the end.
     Landing {
+        /// rad/s, as the way begins.
+        rate: f32,
         /// rad/s², signed.
         acceleration: f32,
         /// How long the acceleration takes to fall to zero, seconds.
@@ -47,11 +49,15 @@ impl Trajectory {
         let shortest = rate * rate / (2.0 * limit) + limit * RAMP_S * RAMP_S / 24.0;
         let offered = if rate < 0.0 { error } else { -error };
         let excess = (offered - shortest) / spacing;
-        let distance = shortest + (excess - libm::floorf(excess)) * spacing;
-        let square = distance * distance - rate * rate * RAMP_S * RAMP_S / 12.0;
-        let size = rate * rate / (distance + libm::sqrtf(square.max(0.0)));
-        let acceleration = if rate < 0.0 { size } else { -size };
-        Some(Self::Landing { acceleration, ramp_s: RAMP_S, duration_s: rate.abs() / size + 0.5 * RAMP_S })
+        // Passed at full rate the rest of the way takes half the time of an acceleration that is less by as much.
+        let wait_s = (excess - libm::floorf(excess)) * spacing / rate.abs();
+        let acceleration = if rate < 0.0 { limit } else { -limit };
+        Some(Self::Landing {
+            rate,
+            acceleration,
+            ramp_s: RAMP_S,
+            duration_s: wait_s + rate.abs() / limit + 0.5 * RAMP_S,
+        })
     }
 
     /// Plans a smooth way from (`error`, `rate`) to zero that asks for at most `limit` (rad/s²).
@@ -89,12 +95,13 @@ impl Trajectory {
             return Waypoint::default();
         }
         match *self {
-            Self::Landing { acceleration, ramp_s, .. } if left >= ramp_s => {
-                let centre = left - 0.5 * ramp_s;
+            Self::Landing { rate, acceleration, ramp_s, .. } if left >= ramp_s => {
+                let wait_s = (left - 0.5 * ramp_s + rate / acceleration).max(0.0);
+                let centre = left - 0.5 * ramp_s - wait_s;
                 Waypoint {
-                    error: 0.5 * acceleration * (centre * centre + ramp_s * ramp_s / 12.0),
+                    error: 0.5 * acceleration * (centre * centre + ramp_s * ramp_s / 12.0) - rate * wait_s,
                     rate: -acceleration * centre,
-                    acceleration,
+                    acceleration: if wait_s > 0.0 { 0.0 } else { acceleration },
                 }
             }
             Self::Landing { acceleration, ramp_s, .. } => {

@@ -123,7 +123,7 @@ impl Checkers {
             (turns - turns.round()) * slices
         };
         let (start, end) = (from_middle(flash.angle_start), from_middle(flash.angle_end));
-        let off = (-0.5 - start).max(end - 0.5).max(0.0).max(if end - start > 0.9 {
+        let off = (-0.5 - start).max(end - 0.5).max(0.0).max(if end - start > 0.99 {
             (0.5 * (start + end)).abs()
         } else {
             0.0

@@ -1,10 +1,14 @@
 //! Faults between the world and the controller's inputs.
 
-/// Pulses of one line that do not arrive. Times in nanoseconds.
+/// Long enough for a capture unit to see two edges, short enough for a contact or a cable to make them.
+const ECHO_NS: f64 = 3_000.0;
+
+/// Pulses of one line that do not arrive, or come twice. Times in nanoseconds.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PulseFaults {
     to_lose: u32,
     silent_until: f64,
+    doubled_until: f64,
 }
 
 impl PulseFaults {
@@ -16,6 +20,16 @@ impl PulseFaults {
     /// No pulse before `until`.
     pub fn silence(&mut self, until: f64) {
         self.silent_until = self.silent_until.max(until);
+    }
+
+    /// Every pulse comes twice before `until`.
+    pub fn double(&mut self, until: f64) {
+        self.doubled_until = self.doubled_until.max(until);
+    }
+
+    /// When the pulse at `at` comes a second time, if it does.
+    pub fn echo(&self, at: f64) -> Option<f64> {
+        (at < self.doubled_until).then_some(at + ECHO_NS)
     }
 
     /// Whether the pulse at `at` arrives.

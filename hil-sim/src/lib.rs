@@ -3,6 +3,7 @@
 pub mod check;
 pub mod checkers;
 pub mod device;
+pub mod expectation;
 pub mod eye;
 pub mod faults;
 pub mod frame_store;

@@ -117,6 +117,12 @@ impl Plant {
         self.load = torque_nm;
     }
 
+    /// The drive gives `share` of the torque that it gave, from now on.
+    pub fn limit_torque(&mut self, share: f64) {
+        self.torque_max *= share;
+        self.set_command(self.command);
+    }
+
     /// What the drive is told from now on, N m.
     pub fn set_command(&mut self, torque_nm: f64) {
         self.command = torque_nm.clamp(-self.torque_max, self.torque_max);

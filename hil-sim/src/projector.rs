@@ -80,6 +80,11 @@ impl Projector {
         self.period_ns = 1e9 / hz;
     }
 
+    /// Pulses scatter by `jitter_ns` from now on, standard deviation.
+    pub fn set_jitter(&mut self, jitter_ns: f64) {
+        self.jitter_ns = jitter_ns;
+    }
+
     /// The rate that it is set to, Hz.
     pub fn nominal_hz(&self) -> f64 {
         1e9 / self.period_ns

@@ -11,6 +11,7 @@
 //! ```
 
 use crate::check::{Range, ValueError};
+use crate::expectation::Expectation;
 use protocol::rig::toml_problem;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -24,6 +25,11 @@ pub struct Scenario {
     /// How the plant differs from the motor file that the firmware was configured from.
     #[serde(default)]
     pub plant: PlantScale,
+    /// Where the controller's clock and counter stand at the start.
+    #[serde(default)]
+    pub counters: Counters,
+    /// What a run must come to.
+    pub expect: Option<Expectation>,
     /// What happens, in any order.
     #[serde(default, rename = "event")]
     pub events: Vec<Event>,
@@ -43,6 +49,16 @@ impl Default for PlantScale {
     fn default() -> Self {
         Self { inertia: 1.0, friction: 1.0 }
     }
+}
+
+/// Where what counts without end begins, so that it wraps soon.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Counters {
+    /// The controller's time, ns.
+    pub time_ns: u64,
+    /// Counts in the rig's direction until the encoder's 32 bits wrap; 0: they have just done so.
+    pub encoder_counts_to_wrap: u32,
 }
 
 /// One thing that happens.
@@ -132,9 +148,24 @@ pub enum Action {
         /// Its nominal rate.
         hz: f64,
     },
+    /// Frame and plane pulses scatter more than the controller was told.
+    PulseJitter {
+        /// Standard deviation, microseconds.
+        us: f64,
+    },
+    /// Every frame, plane and index pulse comes twice, 3 µs apart.
+    DoubledPulses {
+        /// For how long.
+        seconds: f64,
+    },
+    /// The supply sags: the drive gives this share of its torque from now on.
+    TorqueLimit {
+        /// 1 is all of it.
+        share: f64,
+    },
     /// A constant torque on the mirror from now on.
     Load {
-        /// Counter-clockwise positive.
+        /// Positive where it drives the mirror in the rig's direction.
         torque_nm: f64,
     },
     /// The control timer stops.
@@ -161,6 +192,8 @@ impl Default for Scenario {
         Self {
             name: "plain".to_owned(),
             plant: PlantScale::default(),
+            counters: Counters::default(),
+            expect: None,
             events: vec![Event { at_s: 0.05, action: Action::Start }],
         }
     }
@@ -168,8 +201,27 @@ impl Default for Scenario {
 
 impl Scenario {
     /// The names of the scenarios that come with the simulator.
-    pub const BUILT_IN: [&str; 7] =
-        ["plain", "second-motor", "smooth-motor", "pulses", "dropouts", "rate-step", "emergency-stop"];
+    pub const BUILT_IN: [&str; 19] = [
+        "plain",
+        "second-motor",
+        "smooth-motor",
+        "pulses",
+        "bursts",
+        "doubled-pulses",
+        "pulse-jitter",
+        "dropouts",
+        "ten-seconds",
+        "rate-step",
+        "rate-steps",
+        "drift",
+        "hand",
+        "sag",
+        "overspeed",
+        "stall",
+        "sensors-dead",
+        "wraps",
+        "emergency-stop",
+    ];
 
     /// A scenario that comes with the simulator, by its name.
     pub fn built_in(name: &str) -> Option<Self> {
@@ -178,8 +230,20 @@ impl Scenario {
             "second-motor" => include_str!("../scenarios/second-motor.toml"),
             "smooth-motor" => include_str!("../scenarios/smooth-motor.toml"),
             "pulses" => include_str!("../scenarios/pulses.toml"),
+            "bursts" => include_str!("../scenarios/bursts.toml"),
+            "doubled-pulses" => include_str!("../scenarios/doubled-pulses.toml"),
+            "pulse-jitter" => include_str!("../scenarios/pulse-jitter.toml"),
             "dropouts" => include_str!("../scenarios/dropouts.toml"),
+            "ten-seconds" => include_str!("../scenarios/ten-seconds.toml"),
             "rate-step" => include_str!("../scenarios/rate-step.toml"),
+            "rate-steps" => include_str!("../scenarios/rate-steps.toml"),
+            "drift" => include_str!("../scenarios/drift.toml"),
+            "hand" => include_str!("../scenarios/hand.toml"),
+            "sag" => include_str!("../scenarios/sag.toml"),
+            "overspeed" => include_str!("../scenarios/overspeed.toml"),
+            "stall" => include_str!("../scenarios/stall.toml"),
+            "sensors-dead" => include_str!("../scenarios/sensors-dead.toml"),
+            "wraps" => include_str!("../scenarios/wraps.toml"),
             "emergency-stop" => include_str!("../scenarios/emergency-stop.toml"),
             _ => return None,
         };
@@ -192,6 +256,7 @@ impl Scenario {
         let scale = Range { least: 0.01, most: 100.0 };
         scale.check("plant.inertia", scenario.plant.inertia)?;
         scale.check("plant.friction", scenario.plant.friction)?;
+        scenario.expect.as_ref().map_or(Ok(()), Expectation::check)?;
         for (i, event) in scenario.events.iter().enumerate() {
             event.check(&format!("event[{i}]"))?;
         }
@@ -226,9 +291,16 @@ impl Event {
             | Action::NoPlanePulses { seconds }
             | Action::NoIndexPulses { seconds }
             | Action::EncoderFrozen { seconds }
+            | Action::DoubledPulses { seconds }
             | Action::NoControlTicks { seconds } => long.check(&format!("{place}.do.*.seconds"), seconds),
             Action::ProjectorRate { hz } => {
                 Range { least: 1.0, most: 10_000.0 }.check(&format!("{place}.do.projector-rate.hz"), hz)
+            }
+            Action::PulseJitter { us } => {
+                Range { least: 0.0, most: 100.0 }.check(&format!("{place}.do.pulse-jitter.us"), us)
+            }
+            Action::TorqueLimit { share } => {
+                Range { least: 0.0, most: 1.0 }.check(&format!("{place}.do.torque-limit.share"), share)
             }
             Action::Load { torque_nm } => {
                 Range { least: -1e4, most: 1e4 }.check(&format!("{place}.do.load.torque_nm"), torque_nm)
@@ -267,7 +339,7 @@ mod tests {
         for name in Scenario::BUILT_IN {
             assert_eq!(Scenario::built_in(name).unwrap().name, name);
         }
-        assert_eq!(Scenario::built_in("plain"), Some(Scenario::default()));
+        assert_eq!(Scenario { expect: None, ..Scenario::built_in("plain").unwrap() }, Scenario::default());
         assert_eq!(Scenario::built_in("other"), None);
     }
 

@@ -98,6 +98,8 @@ pub struct World {
     index_faults: PulseFaults,
     encoder_faults: CounterFaults,
     ticks_silent_until: f64,
+    /// What the controller's clock showed at the start, ns, and its counter.
+    epoch: (u64, u32),
 
     checkers: Checkers,
     collector: Collector,
@@ -169,6 +171,13 @@ impl World {
             index_faults: PulseFaults::default(),
             encoder_faults: CounterFaults::default(),
             ticks_silent_until: 0.0,
+            epoch: (
+                scenario.counters.time_ns,
+                match rotation.direction() {
+                    Direction::CounterClockwise => scenario.counters.encoder_counts_to_wrap.wrapping_neg(),
+                    Direction::Clockwise => scenario.counters.encoder_counts_to_wrap,
+                },
+            ),
             checkers: Checkers::new(rotation),
             collector: Collector::default(),
             recording: Recording::default(),
@@ -239,7 +248,8 @@ impl World {
             } else if first == frame {
                 self.projector.pass_pulse();
                 if self.frame_faults.passes(frame) {
-                    self.pulses.push((frame.max(from), Pulse::Frame));
+                    let echo = self.frame_faults.echo(frame.max(from)).map(|at| (at, Pulse::Frame));
+                    self.pulses.extend([(frame.max(from), Pulse::Frame)].into_iter().chain(echo));
                 }
             } else if let Some(index) = index {
                 let (at, pulse) = self.pulses.swap_remove(index);
@@ -268,7 +278,7 @@ impl World {
             return;
         }
         let count = self.encoder.count(self.plant.angle());
-        let encoder_count = self.encoder_faults.read(self.now, count);
+        let encoder_count = self.encoder_faults.read(self.now, count).wrapping_add(self.epoch.1);
         self.feed(self.now, Input::Tick { encoder_count });
     }
 
@@ -282,12 +292,13 @@ impl World {
         }
         let at = from + stretch.time_of(passed * TAU + offset) * 1e9 + self.index.lateness();
         if self.index_faults.passes(at) {
-            self.pulses.push((at, Pulse::Index));
+            let echo = self.index_faults.echo(at).map(|at| (at, Pulse::Index));
+            self.pulses.extend([(at, Pulse::Index)].into_iter().chain(echo));
         }
     }
 
     fn deliver(&mut self, at: f64, pulse: Pulse, angle: f64) {
-        let stamp = |at: f64| Nanos((at + 0.5).max(0.0) as u64);
+        let stamp = |at: f64| self.stamp(at);
         let input = match pulse {
             Pulse::Frame => Input::FramePulse { at: stamp(at) },
             Pulse::Index => Input::IndexPulse { at: stamp(at) },
@@ -313,7 +324,9 @@ impl World {
         if self.plane_faults.passes(at) {
             // Light and pulse start together; a stamp may be early, its arrival not.
             let stamp_ns = at + start.pulse_error_ns;
-            self.pulses.push((at.max(stamp_ns), Pulse::Plane { stamp_ns }));
+            let echo = self.plane_faults.echo(stamp_ns);
+            let pulse = |stamp_ns: f64| (at.max(stamp_ns), Pulse::Plane { stamp_ns });
+            self.pulses.extend([stamp_ns].into_iter().chain(echo).map(pulse));
         }
     }
 
@@ -361,12 +374,17 @@ impl World {
         self.flashes.push_back(flash);
     }
 
+    /// The controller's time at `at`.
+    fn stamp(&self, at: f64) -> Nanos {
+        Nanos(self.epoch.0.wrapping_add((at + 0.5).max(0.0) as u64))
+    }
+
     fn feed(&mut self, at: f64, input: Input) {
         self.feed_at(at, self.plant.angle(), input);
     }
 
     fn feed_at(&mut self, at: f64, angle: f64, input: Input) {
-        let output = self.core.step(Nanos((at + 0.5) as u64), input);
+        let output = self.core.step(self.stamp(at), input);
         if output.torque_nm != self.output.torque_nm {
             self.torques.push_back((at + self.delay_ns, f64::from(output.torque_nm)));
         }

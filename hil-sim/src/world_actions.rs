@@ -43,7 +43,15 @@ impl World {
                 self.projector.set_rate(hz);
                 self.checkers.set_turn_duration(1e9 * f64::from(self.rotation.frames()) / hz);
             }
-            Action::Load { torque_nm } => self.plant.set_load(torque_nm),
+            Action::PulseJitter { us } => self.projector.set_jitter(us * 1e3),
+            Action::DoubledPulses { seconds } => {
+                let until = later(seconds);
+                for faults in [&mut self.frame_faults, &mut self.plane_faults, &mut self.index_faults] {
+                    faults.double(until);
+                }
+            }
+            Action::TorqueLimit { share } => self.plant.limit_torque(share),
+            Action::Load { torque_nm } => self.plant.set_load(self.sign * torque_nm),
             Action::NoControlTicks { seconds } => self.ticks_silent_until = later(seconds),
         }
         if !matches!(action, Action::Start | Action::Stop | Action::ClearFault | Action::Service { .. }) {

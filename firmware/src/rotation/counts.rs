@@ -27,6 +27,7 @@ impl RotationEstimator {
         let sigma = libm::sqrtf(total);
         let outside = (within - half).abs() - half;
         if outside > GATE_SIGMAS * sigma && outside > 0.25 * self.count_rad {
+            self.health.contradicted = true;
             if self.health.radians_since_slip > TURNS_BETWEEN_SLIPS * TAU {
                 self.refuse_count(within);
                 return;
@@ -67,6 +68,7 @@ impl RotationEstimator {
         self.health.ticks_outside = if depth < -3.0 { self.health.ticks_outside + 1 } else { 0 };
         if self.health.ticks_outside >= 4 {
             self.health.ticks_outside = 0;
+            self.health.contradicted = true;
             let surprise = 0.02 * self.count_rad * self.count_rad;
             // While the index comes it will tell of a push soon, and more exactly; so this is rather a slip seen from its near end.
             if self.turns_since_index() < 2.0 {
@@ -88,7 +90,7 @@ impl RotationEstimator {
     }
 
     pub(super) fn refuse_count(&mut self, within: f32) {
-        self.health.encoder_refused += 1;
+        self.health.encoder_refused = self.health.encoder_refused.saturating_add(1);
         let half = 0.5 * self.count_rad;
         if self.health.encoder_refused == 8 {
             // No torque moves the mirror by a quarter of a count in a tick: counts were lost or added.

@@ -8,6 +8,9 @@ use protocol::units::{Nanos, Turns};
 /// Closer than this to where it was expected, an index pulse is believed whatever the estimate says: chance would put one of 300 here.
 const NEAR_INDEX_RAD: f32 = 0.01;
 
+/// So soon after an index that was believed another one is its echo.
+const ECHO_RAD: f32 = 0.05;
+
 /// Variances before anything is known: an eccentricity of a tenth of a degree, inertia off by a factor of two, drag by half.
 const ECCENTRICITY: f32 = 4e-6;
 const INERTIA: f32 = 0.3;
@@ -25,6 +28,9 @@ impl RotationEstimator {
             self.anchor(angle);
             return Index::Anchored;
         }
+        if self.health.index_accepted > 0 && self.health.radians_since_index < ECHO_RAD {
+            return Index::Refused;
+        }
         let innovation = -radians_between(Turns::ZERO, angle);
         let jitter = self.noise.index_jitter_s * self.speed.abs();
         // A mirror that hardly moves jitters by the width of the index mark, not by its time.
@@ -33,7 +39,8 @@ impl RotationEstimator {
         let (mut gain, mut variance) = self.covariance.seen_through(terms);
         let surprise = innovation * innovation;
         self.health.index_surprise = surprise / (variance + noise);
-        if surprise > GATE_SIGMAS * GATE_SIGMAS * (variance + noise) + 4e-10 {
+        let pushed = surprise > GATE_SIGMAS * GATE_SIGMAS * (variance + noise) + 4e-10;
+        if pushed {
             // A pulse that means nothing hardly ever comes within a count of where the index is: this one is real, and something has
             // pushed the mirror since the last one.
             if innovation.abs() > NEAR_INDEX_RAD {
@@ -46,6 +53,7 @@ impl RotationEstimator {
         self.health.index_scatter += 0.3 * (surprise - self.health.index_scatter);
         self.correct(&gain, innovation / total, 1.0 / total);
         self.health.index_refused = 0;
+        self.health.contradicted = pushed;
         self.health.index_accepted = self.health.index_accepted.saturating_add(1);
         self.health.radians_since_index = 0.0;
         Index::Accepted
@@ -92,6 +100,7 @@ impl RotationEstimator {
         self.encoder_zero += angle;
         (self.sine, self.cosine) = sin_cos(self.angle);
         self.health.index_refused = 0;
+        self.health.contradicted = false;
         self.health.radians_since_index = 0.0;
         if !self.moving {
             return;
@@ -109,6 +118,7 @@ impl RotationEstimator {
         let count = self.count_rad * self.count_rad;
         let brake = 0.5 * self.nominal_brake + 0.01 * self.strength;
         let imbalance = 9e-4 * self.strength * self.strength;
+        self.centre = [0.0; 2];
         self.covariance = Covariance::diagonal([
             1e-8,
             0.25,
