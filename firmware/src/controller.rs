@@ -233,8 +233,8 @@ impl Controller {
         output.fault = self.safety.fault();
     }
 
-    /// Whether the frame on screen is the first of a turn and has been in doubt, or may still be that. A turn whose start was dark stays dark: light that came
-    /// back at its 24th slice began a turn in the middle, for one lost plane pulse in six.
+    /// Whether the frame on screen is the first of a turn and has been in doubt, or may still be that. A turn whose start was dark stays
+    /// dark: light that came back at its 24th slice began a turn in the middle, for one lost plane pulse in six.
     fn watch_start(&mut self, now: Nanos) -> bool {
         let doubtful = self.projector.is_doubtful();
         if !doubtful && self.missed_start.is_none() {
@@ -243,7 +243,7 @@ impl Controller {
         let Some(reading) = self.projector.reading(now) else {
             return false;
         };
-        if doubtful && (reading.frame + self.lock.slot()).is_multiple_of(self.config.rotation.frames()) {
+        if doubtful && self.frames.after(reading.frame, self.lock.slot()) == 0 {
             self.sequencer.close();
             self.missed_start = Some(reading.serial);
         }
