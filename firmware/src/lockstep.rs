@@ -39,6 +39,8 @@ pub enum Request {
     Estimates,
     /// How deep the stack has been.
     StackBytes,
+    /// How long is a thousand instructions?
+    Thousand,
 }
 
 /// From the image.
@@ -59,6 +61,8 @@ pub enum Answer {
     Estimates(Estimates),
     /// The deepest that the stack has been, bytes.
     StackBytes(u32),
+    /// Ticks of the machine's counter.
+    Thousand(u32),
     /// An impossible configuration, or a step without one.
     Refused,
 }
@@ -70,6 +74,9 @@ pub trait Gauge {
 
     /// The deepest that the stack has been, bytes.
     fn stack_bytes(&self) -> u32;
+
+    /// How many ticks a thousand instructions take.
+    fn thousand(&mut self) -> u32;
 }
 
 /// The image's end.
@@ -102,6 +109,7 @@ impl Session {
         match (request, &mut self.0) {
             (Request::Hello, _) => Answer::Hello(VERSION),
             (Request::StackBytes, _) => Answer::StackBytes(gauge.stack_bytes()),
+            (Request::Thousand, _) => Answer::Thousand(gauge.thousand()),
             (Request::Begin(config), running) => {
                 let output = Output::default();
                 *running = begun(config).map(|controller| Running { controller, now: Nanos::ZERO, output });
@@ -165,6 +173,10 @@ mod tests {
         }
 
         fn stack_bytes(&self) -> u32 {
+            0
+        }
+
+        fn thousand(&mut self) -> u32 {
             0
         }
     }
