@@ -26,7 +26,7 @@ impl Frames {
 
     /// The frame that is `by` after `frame`.
     pub fn after(self, frame: u32, by: u32) -> u32 {
-        frame.wrapping_add(by) % self.count()
+        frame.wrapping_add(by % self.count()) % self.count()
     }
 
     /// The frame that is `by` after `frame`, or before it where negative.
@@ -56,6 +56,7 @@ mod tests {
         let frames = Frames::of(&rotation);
         assert_eq!(frames.count(), 12);
         assert_eq!((frames.after(11, 3), frames.moved(2, -5), frames.moved(0, 25)), (2, 9, 1));
+        assert_eq!(frames.after(11, u32::MAX), (11 + u32::MAX % 12) % 12);
         for frame in 0..12 {
             let exact = Turns::fraction(u64::from(frame), 12);
             assert!(exact.signed_from(frames.start(frame)).abs() <= 1);

@@ -39,6 +39,8 @@ pub enum Request {
     Estimates,
     /// How deep the stack has been.
     StackBytes,
+    /// How long is a thousand instructions?
+    Thousand,
 }
 
 /// From the image.
@@ -59,6 +61,8 @@ pub enum Answer {
     Estimates(Estimates),
     /// The deepest that the stack has been, bytes.
     StackBytes(u32),
+    /// Ticks of the machine's counter.
+    Thousand(u32),
     /// An impossible configuration, or a step without one.
     Refused,
 }
@@ -70,45 +74,50 @@ pub trait Gauge {
 
     /// The deepest that the stack has been, bytes.
     fn stack_bytes(&self) -> u32;
+
+    /// How many ticks a thousand instructions take.
+    fn thousand(&mut self) -> u32;
 }
 
 /// The image's end.
 #[derive(Debug, Default)]
-pub struct Session {
-    controller: Option<Controller>,
+pub struct Session(Option<Running>);
+
+#[derive(Debug)]
+struct Running {
+    controller: Controller,
     now: Nanos,
     output: Output,
+}
+
+impl Running {
+    fn step(&mut self, now: Nanos, input: Input) -> Output {
+        self.now = now;
+        self.output = self.controller.step(now, input);
+        self.output
+    }
 }
 
 impl Session {
     /// Without a controller.
     pub const fn new() -> Self {
-        let released = [None; 2];
-        let output = Output {
-            torque_nm: 0.0,
-            light: false,
-            armed: None,
-            released,
-            state: protocol::message::State::Idle,
-            fault: None,
-        };
-        Self { controller: None, now: Nanos::ZERO, output }
+        Self(None)
     }
 
     /// Does what `request` asks.
     pub fn answer(&mut self, request: &Request, gauge: &mut impl Gauge) -> Answer {
-        match (request, &mut self.controller) {
+        match (request, &mut self.0) {
             (Request::Hello, _) => Answer::Hello(VERSION),
             (Request::StackBytes, _) => Answer::StackBytes(gauge.stack_bytes()),
-            (Request::Begin(config), controller) => {
-                *controller = begun(config);
-                (self.now, self.output) = (Nanos::ZERO, Output::default());
-                if controller.is_some() { Answer::Begun } else { Answer::Refused }
+            (Request::Thousand, _) => Answer::Thousand(gauge.thousand()),
+            (Request::Begin(config), running) => {
+                let output = Output::default();
+                *running = begun(config).map(|controller| Running { controller, now: Nanos::ZERO, output });
+                if running.is_some() { Answer::Begun } else { Answer::Refused }
             }
-            (Request::Estimates, Some(controller)) => Answer::Estimates(controller.estimates()),
-            (&Request::Step { now, input }, Some(controller)) => {
-                let (output, ticks) = gauge.count(|| controller.step(now, input));
-                (self.now, self.output) = (now, output);
+            (Request::Estimates, Some(running)) => Answer::Estimates(running.controller.estimates()),
+            (&Request::Step { now, input }, Some(running)) => {
+                let (output, ticks) = gauge.count(|| running.step(now, input));
                 Answer::Stepped { output, ticks }
             }
             (Request::Estimates | Request::Step { .. }, None) => Answer::Refused,
@@ -118,15 +127,15 @@ impl Session {
     /// An order that did not come from the simulator, carried out at the time of the last step; what follows from it shows with the
     /// next one.
     pub fn command(&mut self, command: Command) {
-        if let Some(controller) = &mut self.controller {
-            self.output = controller.step(self.now, Input::Command(command));
+        if let Some(running) = &mut self.0 {
+            running.step(running.now, Input::Command(command));
         }
     }
 
     /// What the controller does and believes, and how its turns are cut. `None` without a controller.
     pub fn report(&self) -> Option<(Output, Estimates, Rotation)> {
-        let controller = self.controller.as_ref()?;
-        Some((self.output, controller.estimates(), controller.config().rotation))
+        let Running { controller, output, .. } = self.0.as_ref()?;
+        Some((*output, controller.estimates(), controller.config().rotation))
     }
 }
 
@@ -164,6 +173,10 @@ mod tests {
         }
 
         fn stack_bytes(&self) -> u32 {
+            0
+        }
+
+        fn thousand(&mut self) -> u32 {
             0
         }
     }

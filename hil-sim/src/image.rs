@@ -22,8 +22,8 @@ pub mod costs;
 
 /// The emulator, a program of the search path.
 const EMULATOR: &str = "qemu-system-arm";
-/// An instruction lasts 2⁶ ns by the machine's clock, whose counter ticks every 40 ns: a step's ticks tell its instructions exactly, but
-/// for rounding by one. With more ticks than instructions nothing hides between two of them.
+/// An instruction lasts 2⁶ ns by the machine's clock, whose counter ticks every 40 ns. With more ticks than instructions nothing hides
+/// between two of them.
 const INSTRUCTION_SHIFT: u32 = 6;
 const TICK_NS: u64 = 40;
 /// An image answers in 0.1 ms; one that takes this long on any machine hangs.
@@ -141,8 +141,7 @@ impl Image {
     pub fn step(&mut self, now: Nanos, input: Input) -> Result<Output, ImageError> {
         match self.ask(Request::Step { now, input })? {
             Answer::Stepped { output, ticks } => {
-                let nanos = u64::from(ticks) * TICK_NS;
-                self.costs.add(now, &input, (nanos + (1 << (INSTRUCTION_SHIFT - 1))) >> INSTRUCTION_SHIFT);
+                self.costs.add(now, &input, instructions(ticks));
                 Ok(output)
             }
             answer => Err(other(&answer)),
@@ -161,6 +160,14 @@ impl Image {
     pub fn stack_bytes(&mut self) -> Result<u32, ImageError> {
         match self.ask(Request::StackBytes)? {
             Answer::StackBytes(bytes) => Ok(bytes),
+            answer => Err(other(&answer)),
+        }
+    }
+
+    /// How many instructions a thousand are, by the image's counter.
+    pub fn thousand(&mut self) -> Result<u64, ImageError> {
+        match self.ask(Request::Thousand)? {
+            Answer::Thousand(ticks) => Ok(instructions(ticks)),
             answer => Err(other(&answer)),
         }
     }
@@ -192,6 +199,11 @@ impl Image {
             (error, _) => error,
         }
     }
+}
+
+/// So many instructions are `ticks` of the counter.
+fn instructions(ticks: u32) -> u64 {
+    (u64::from(ticks) * TICK_NS + (1 << (INSTRUCTION_SHIFT - 1))) >> INSTRUCTION_SHIFT
 }
 
 /// An answer to another question.

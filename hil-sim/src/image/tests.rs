@@ -31,6 +31,10 @@ impl Gauge for NoGauge {
     fn stack_bytes(&self) -> u32 {
         0
     }
+
+    fn thousand(&mut self) -> u32 {
+        1_600
+    }
 }
 
 /// An image on this machine, that gets into `trouble`.
@@ -123,6 +127,7 @@ fn a_stand_in_answers_as_the_native_core_does() {
         assert_eq!(image.step(now, input).unwrap(), native.step(now, input));
     }
     assert_eq!(image.estimates().unwrap(), native.estimates());
+    assert_eq!(image.thousand().unwrap(), 1_000);
     // 8 ticks of 40 ns, an instruction lasting 64 ns.
     assert_eq!(image.costs().kinds()[0].instructions, 5);
     let mut impossible = config();

@@ -1,5 +1,6 @@
 //! The machine: addresses, interrupts, time, and what is measured of it. All of the image's `unsafe` but the executor's is in here.
 
+use core::arch::asm;
 use core::cell::{Cell, RefCell};
 use core::task::Waker;
 use cortex_m::Peripherals;
@@ -176,6 +177,12 @@ impl Gauge for Machine {
             let result = step();
             (result, before.wrapping_sub(COUNTER_VALUE.read()).saturating_sub(self.empty))
         })
+    }
+
+    fn thousand(&mut self) -> u32 {
+        // SAFETY: counts a register down.
+        let loops = || unsafe { asm!("movw {0}, #499", "2:", "subs {0}, #1", "bne 2b", "nop", out(reg) _) };
+        self.count(loops).1
     }
 
     fn stack_bytes(&self) -> u32 {
