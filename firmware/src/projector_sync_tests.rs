@@ -193,3 +193,24 @@ fn planes_that_begin_nowhere_tell_nothing() {
     assert_eq!(clock.sync.period_ns(), period_ns);
     assert!(clock.sync.is_doubtful());
 }
+
+#[test]
+fn pulses_that_scatter_more_than_was_told_are_learnt_and_forgotten() {
+    let mut clock = Clock::new(50.0);
+    (0..100).for_each(|_| {
+        clock.tick();
+    });
+    let scatter = |clock: &mut Clock, times: f64| {
+        let at = Nanos((clock.next_ns + times * clock.jitter_ns()) as u64);
+        clock.next_ns += clock.period_ns;
+        clock.sync.coast(at);
+        clock.sync.pulse(at)
+    };
+    let refused = |clock: &mut Clock, times: f64| (0..100).filter(|_| scatter(clock, times) == Pulse::Refused).count();
+    assert_ne!(refused(&mut clock, 8.0), 0);
+    assert_eq!(refused(&mut clock, 8.0), 0);
+    (0..300).for_each(|_| {
+        scatter(&mut clock, 1.0);
+    });
+    assert_ne!(refused(&mut clock, 8.0), 0);
+}
