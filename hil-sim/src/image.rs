@@ -27,7 +27,7 @@ const EMULATOR: &str = "qemu-system-arm";
 const INSTRUCTION_SHIFT: u32 = 6;
 const TICK_NS: u64 = 40;
 /// An image answers in 0.1 ms; one that takes this long on any machine hangs.
-const PATIENCE: Duration = Duration::from_secs(20);
+const PATIENCE: Duration = Duration::from_secs(60);
 /// A frame that comes before the image's receiver is on is lost: hello is said again.
 const HELLO_AGAIN: Duration = Duration::from_millis(100);
 

@@ -66,6 +66,15 @@ impl Core for Twins {
     }
 }
 
+/// RMS and peak phase error in slices, as `tests/lock.rs` has them for a minute.
+fn lock_figures(scenario: &str) -> Option<(f64, f64)> {
+    match scenario {
+        "plain" => Some((0.005, 0.02)),
+        "second-motor" | "smooth-motor" => Some((0.01, 0.05)),
+        _ => None,
+    }
+}
+
 /// Runs one window; what was wrong with it.
 fn run(image: &SharedImage, refresh_hz: u64, name: &str, seed: u64) -> Vec<String> {
     let (rotation, motor, scenario) = (rotation(refresh_hz), Motor::reference(), Scenario::built_in(name).unwrap());
@@ -86,12 +95,7 @@ fn run(image: &SharedImage, refresh_hz: u64, name: &str, seed: u64) -> Vec<Strin
     let mut wrong = Vec::new();
     wrong.extend(first_difference.lock().unwrap().take());
     wrong.extend(image.lock().failure().map(ToString::to_string));
-    // The lock's figures, as `tests/lock.rs` has them for a minute.
-    let (rms, peak) = match name {
-        "plain" => (0.005, 0.02),
-        "second-motor" | "smooth-motor" => (0.01, 0.05),
-        _ => (f64::INFINITY, f64::INFINITY),
-    };
+    let (rms, peak) = lock_figures(name).unwrap_or((f64::INFINITY, f64::INFINITY));
     let ratio = statistics.recoveries.first().and_then(|start| start.ratio()).unwrap_or(f64::INFINITY);
     let bad = statistics.rms_slices > rms || statistics.peak_slices > peak || ratio > 1.15;
     if bad || !statistics.verdict.is_clean() {
@@ -109,7 +113,11 @@ fn image_and_native_core_agree_bit_for_bit_and_keep_within_the_budget() {
         .map(|seed| {
             let image = SharedImage::new(Image::boot(&elf()).unwrap_or_else(|error| panic!("{error}")));
             let mut wrong = run(&image, 180, "plain", seed);
-            wrong.extend(Scenario::BUILT_IN.iter().flat_map(|name| run(&image, 240, name, seed)));
+            // What the lock must keep to with every seed, all else with one of them: with all it took 8 minutes.
+            let due = (0..)
+                .zip(Scenario::BUILT_IN)
+                .filter(|(place, name)| lock_figures(name).is_some() || place % SEEDS == seed);
+            wrong.extend(due.flat_map(|(_, name)| run(&image, 240, name, seed)));
             (image, wrong)
         })
         .collect();
