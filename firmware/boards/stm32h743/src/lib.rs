@@ -1,0 +1,8 @@
+//! What application and boot loader of the STM32H743 board have in common.
+#![no_std]
+
+pub mod clocks;
+pub mod halt;
+pub mod layout;
+pub mod update;
+pub mod usb;
