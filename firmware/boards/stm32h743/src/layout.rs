@@ -20,12 +20,12 @@ const fn sectors(first: u32, count: u32) -> Part {
 /// The boot loader. Never written in the field.
 pub const LOADER: Part = sectors(0, 1);
 /// The application that runs.
-pub const ACTIVE: Part = sectors(1, 6);
+pub const ACTIVE: Part = sectors(1, 5);
 /// What was downloaded, or the application before. A sector more than the active slot: the swap moves it along by one. In the second
 /// bank, like the state, so that neither stops the application, which runs from the first.
-pub const DOWNLOAD: Part = sectors(8, 7);
+pub const DOWNLOAD: Part = sectors(8, 6);
 /// How far a swap has come.
-pub const STATE: Part = sectors(15, 1);
+pub const STATE: Part = sectors(14, 2);
 
 /// The core's own data memory: a cycle for each access, always. Nothing here is moved by DMA, which cannot reach all of it.
 pub const RAM_BASE: u32 = 0x2000_0000;
