@@ -10,18 +10,16 @@ mod machine;
 mod rig;
 
 use board::Board;
-use core::cell::RefCell;
 use embassy_boot_stm32::{AlignedBuffer, BlockingFirmwareState, State};
 use embassy_executor::{InterruptExecutor, Spawner};
-use embassy_stm32::flash::{Flash, WRITE_SIZE};
+use embassy_stm32::flash::WRITE_SIZE;
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::time::Hertz;
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Peri, peripherals};
-use embassy_sync::blocking_mutex::Mutex;
 use firmware::controller::Controller;
-use stm32h743::{clocks, halt, update};
+use stm32h743::{clocks, flash, halt, keep};
 
 /// A control task that takes no tick for this long is reset: four times what the core's own watchdog allows.
 const WATCHDOG_US: u32 = 20_000;
@@ -44,10 +42,13 @@ async fn main(spawner: Spawner) {
     let mut board = Board::new(embassy_stm32::init(clocks::config()));
     // A controller that cannot be is no firmware that may stay: the loader brings the one before back.
     let controller = rig::rotation().ok().and_then(|rotation| Controller::new(rig::config(rotation)).ok());
-    let Some(controller) = controller.filter(|_| board.machine.is_safe()) else { halt::halt() };
+    let Some(mut controller) = controller.filter(|_| board.machine.is_safe()) else { halt::halt() };
     confirm(board.flash);
     // Not before: it shortens the loader's at once, and confirming takes seconds.
     let watchdog = IndependentWatchdog::new(board.watchdog, WATCHDOG_US);
+    if let Some(fault) = keep::latched() {
+        controller.latch(fault);
+    }
     prioritise();
     board.machine.start(Hertz(controller.config().control_rate_hz as u32));
     let (device, receiver, link) = link::open(board.usb, board.store);
@@ -80,9 +81,9 @@ fn prioritise() {
 /// Tells the loader that this firmware, if it is new, may stay. Before the control task runs: erasing the state takes seconds in which
 /// nothing else does.
 fn confirm(flash: Peri<'static, peripherals::FLASH>) {
-    let flash = Mutex::new(RefCell::new(Flash::new_blocking(flash)));
+    let flash = flash::shared(flash);
     let mut aligned = AlignedBuffer([0; WRITE_SIZE]);
-    let mut firmware = BlockingFirmwareState::new(update::download_and_state(&flash).1, &mut aligned.0);
+    let mut firmware = BlockingFirmwareState::new(flash::download_and_state(&flash).1, &mut aligned.0);
     if matches!(firmware.get_state(), Ok(State::Swap)) && firmware.mark_booted().is_err() {
         halt::halt();
     }

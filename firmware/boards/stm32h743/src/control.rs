@@ -15,9 +15,10 @@ use firmware::plane_store::TurnHandle;
 use firmware::safety::Levels;
 use firmware::sequencer::Frame;
 use firmware::time_base::TimeBase;
-use protocol::message::State;
+use protocol::message::{Fault, State};
 use protocol::timing::Rotation;
 use protocol::units::Nanos;
+use stm32h743::keep;
 
 /// The latest of the controller, for the host.
 pub static REPORT: Mutex<CriticalSectionRawMutex, Cell<Option<Report>>> = Mutex::new(Cell::new(None));
@@ -35,6 +36,7 @@ pub async fn control(mut machine: Machine, controller: Controller, mut watchdog:
         levels: Levels::default(),
         matches_host: true,
         state: State::default(),
+        fault: keep::latched(),
         on_screen: None,
         turns_shown: 0,
     };
@@ -54,6 +56,7 @@ struct Control {
     /// Whether the controller took the rotation that the host configured last.
     matches_host: bool,
     state: State,
+    fault: Option<Fault>,
     on_screen: Option<TurnHandle>,
     turns_shown: u32,
 }
@@ -113,6 +116,9 @@ impl Control {
     }
 
     fn report(&mut self, output: &Output) {
+        if output.fault != core::mem::replace(&mut self.fault, output.fault) {
+            keep::latch(output.fault);
+        }
         self.state = output.state;
         let on_screen = match output.armed {
             Some(Frame::Slices { turn, .. } | Frame::Still { turn, .. }) => Some(turn),

@@ -2,7 +2,8 @@
 #![no_std]
 
 pub mod clocks;
+pub mod flash;
 pub mod halt;
+pub mod keep;
 pub mod layout;
-pub mod update;
 pub mod usb;

@@ -16,7 +16,7 @@ use firmware::port_store::PortStore;
 use protocol::message::{Message, Reason, State};
 use protocol::packet::{Counts, Decoder, PACKET_BYTES_MAX, encode};
 use static_cell::StaticCell;
-use stm32h743::update;
+use stm32h743::keep;
 use stm32h743::usb::{PACKET_BYTES, Pins, Port, builder};
 
 /// How often the controller reports.
@@ -46,7 +46,7 @@ impl app_mode::Handler for IntoLoader {
     fn enter_dfu(&mut self) {
         let state = REPORT.lock(|report| report.get()).map(|report| report.state);
         if state.is_none_or(|state| matches!(state, State::Idle | State::Fault)) {
-            update::want_download();
+            keep::want_download();
             cortex_m::peripheral::SCB::sys_reset();
         }
     }

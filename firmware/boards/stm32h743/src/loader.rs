@@ -3,18 +3,17 @@
 #![no_std]
 #![no_main]
 
-use core::cell::RefCell;
 use embassy_boot_stm32::{AlignedBuffer, BlockingFirmwareUpdater, BootLoader, BootLoaderConfig, FirmwareUpdaterConfig};
 use embassy_executor::Spawner;
-use embassy_stm32::flash::{Flash, WRITE_SIZE};
+use embassy_stm32::flash::WRITE_SIZE;
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_sync::blocking_mutex::Mutex;
 use embassy_usb_dfu::ResetImmediate;
 use embassy_usb_dfu::consts::DfuAttributes;
+use embedded_storage::nor_flash::ReadNorFlash;
 use static_cell::StaticCell;
+use stm32h743::flash::{self, SharedFlash, Slot};
 use stm32h743::layout::{ACTIVE, FLASH_BASE, RAM_BASE, RAM_SIZE};
-use stm32h743::update::{self, SharedFlash, Slot};
-use stm32h743::{clocks, usb, usb_pins};
+use stm32h743::{clocks, keep, usb, usb_pins};
 
 /// Bytes of a block of the download: whole words of flash.
 const BLOCK: usize = 4096;
@@ -27,11 +26,11 @@ type Download = embassy_usb_dfu::State<'static, Slot<'static>, Slot<'static>, Re
 #[embassy_executor::main(entry = "cortex_m_rt::entry")]
 async fn main(_spawner: Spawner) {
     let p = embassy_stm32::init(clocks::config());
-    let wanted = update::take_download_wanted();
+    let wanted = keep::take_download_wanted();
     static FLASH: StaticCell<SharedFlash> = StaticCell::new();
-    let flash = FLASH.init(Mutex::new(RefCell::new(Flash::new_blocking(p.FLASH))));
-    let (dfu, state) = update::download_and_state(flash);
-    let config = BootLoaderConfig { active: update::slot(flash, &ACTIVE), dfu, state };
+    let flash = FLASH.init(flash::shared(p.FLASH));
+    let (dfu, state) = flash::download_and_state(flash);
+    let config = BootLoaderConfig { active: flash::slot(flash, &ACTIVE), dfu, state };
     let prepared = BootLoader::try_prepare::<_, _, _, BLOCK>(config);
     match prepared {
         Ok(loader) if !wanted && holds_application(flash) => {
@@ -61,7 +60,7 @@ fn silence() {
 /// Whether the active slot begins as a program does: with a stack pointer into RAM and an entry into the slot.
 fn holds_application(flash: &SharedFlash) -> bool {
     let mut words = [0; 8];
-    let read = flash.lock(|flash| flash.borrow_mut().blocking_read(ACTIVE.offset, &mut words));
+    let read = flash.lock(|flash| flash.borrow_mut().read(ACTIVE.offset, &mut words));
     let [stack, entry] = [[0, 1, 2, 3], [4, 5, 6, 7]].map(|at| u32::from_le_bytes(at.map(|at| words[at])));
     let start = FLASH_BASE + ACTIVE.offset;
     read.is_ok() && (RAM_BASE..=RAM_BASE + RAM_SIZE).contains(&stack) && (start..start + ACTIVE.size).contains(&entry)
@@ -72,7 +71,7 @@ async fn download(pins: usb::Pins, flash: &'static SharedFlash) -> ! {
     static CONTROL: StaticCell<[u8; BLOCK]> = StaticCell::new();
     static ALIGNED: StaticCell<AlignedBuffer<WRITE_SIZE>> = StaticCell::new();
     static STATE: StaticCell<Download> = StaticCell::new();
-    let (dfu, state) = update::download_and_state(flash);
+    let (dfu, state) = flash::download_and_state(flash);
     let aligned = ALIGNED.init(AlignedBuffer([0; WRITE_SIZE]));
     let updater = BlockingFirmwareUpdater::new(FirmwareUpdaterConfig { dfu, state }, &mut aligned.0);
     let attributes = DfuAttributes::CAN_DOWNLOAD | DfuAttributes::MANIFESTATION_TOLERANT;
