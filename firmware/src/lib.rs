@@ -22,6 +22,7 @@ pub mod rotation;
 pub mod safety;
 pub mod sequencer;
 pub mod speed_window;
+pub mod station;
 pub mod time_base;
 pub mod trajectory;
 pub mod velocity_lock;

@@ -19,6 +19,7 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Peri, peripherals};
 use firmware::controller::Controller;
+use firmware::station::Station;
 use stm32h743::{clocks, flash, halt, keep};
 
 /// A control task that takes no tick for this long is reset: four times what the core's own watchdog allows.
@@ -53,7 +54,8 @@ async fn main(spawner: Spawner) {
     board.machine.start(Hertz(controller.config().control_rate_hz as u32));
     let (device, receiver, link) = link::open(board.usb, board.store);
     let above = CONTROL.start(interrupt::UART5);
-    let control = control::control(board.machine, controller, watchdog);
+    let station = Station::new(controller, rig::config, board.machine.time_rate());
+    let control = control::control(board.machine, station, watchdog);
     let (bus, answers, reports) = (link::bus(device), link::answers(link, receiver), link::reports(link));
     let (Ok(control), Ok(bus), Ok(answers), Ok(reports)) = (control, bus, answers, reports) else { halt::halt() };
     above.spawn(control);

@@ -6,43 +6,23 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_time::Timer;
 use firmware::conversation::Request;
+use firmware::station::Event;
 
-/// Something that the controller must know.
-#[derive(Clone, Copy)]
-pub struct Event {
-    /// The time base's count when it was queued.
-    pub count: u32,
-    /// What it is.
-    pub what: What,
-}
-
-/// A capture is the time base's count at the edge itself.
-#[derive(Clone, Copy)]
-pub enum What {
-    /// The control timer fired, with the encoder at this count.
-    Tick(u32),
-    /// The index, captured.
-    Index(u32),
-    /// A frame pulse, captured.
-    Frame(u32),
-    /// A plane pulse, captured.
-    Plane(u32),
-    /// The host wants something.
-    Request(Request),
-}
+/// An event and the time base's count when it was queued.
+pub type Stamped = (u32, Event);
 
 /// Some 3 ms of all pulses together at 240 Hz. A pulse that finds it full is lost, which the controller survives; ticks that are lost
 /// stop it by its watchdog.
-pub static EVENTS: Channel<CriticalSectionRawMutex, Event, 32> = Channel::new();
+pub static EVENTS: Channel<CriticalSectionRawMutex, Stamped, 32> = Channel::new();
 
-/// Puts `what` into the queue, if there is room. Stamp and place are given at once, so that the queue is in the order of time.
-fn post(what: What) -> bool {
-    critical_section::with(|_| EVENTS.try_send(Event { count: TIM2.cnt().read(), what }).is_ok())
+/// Puts `event` into the queue, if there is room. Stamp and place are given at once, so that the queue is in the order of time.
+fn post(event: Event) -> bool {
+    critical_section::with(|_| EVENTS.try_send((TIM2.cnt().read(), event)).is_ok())
 }
 
 /// Puts `request` into the queue, however long it takes.
 pub async fn ask(request: Request) {
-    while !post(What::Request(request)) {
+    while !post(Event::Request(request)) {
         Timer::after_millis(1).await;
     }
 }
@@ -54,7 +34,7 @@ fn TIM2() {
     // Writing 1 leaves a flag as it is: an edge since the read is not lost.
     TIM2.sr().write(|w| w.0 = !flags.0);
     let captured = |channel: usize| flags.ccif(channel).then(|| TIM2.ccr(channel).read());
-    let edges = [captured(0).map(What::Index), captured(1).map(What::Frame), captured(2).map(What::Plane)];
+    let edges = [captured(0).map(Event::Index), captured(1).map(Event::Frame), captured(2).map(Event::Plane)];
     for edge in edges.into_iter().flatten() {
         post(edge);
     }
@@ -64,5 +44,5 @@ fn TIM2() {
 #[interrupt]
 fn TIM6_DAC() {
     TIM6.sr().write(|w| w.set_uif(false));
-    post(What::Tick(TIM5.cnt().read()));
+    post(Event::Tick(TIM5.cnt().read()));
 }

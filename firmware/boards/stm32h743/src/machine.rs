@@ -1,6 +1,6 @@
 //! The lines between controller and machine: what the control task owns.
 
-use crate::events::{EVENTS, Event};
+use crate::events::EVENTS;
 use core::num::NonZeroU32;
 use embassy_futures::select::{Either3, select3};
 use embassy_stm32::exti::ExtiInput;
@@ -21,6 +21,7 @@ use firmware::controller;
 use firmware::drive::Demand;
 use firmware::port_store::{Port, arm_word};
 use firmware::safety::Levels;
+use firmware::station::Event;
 
 /// A port to the frame store.
 pub struct SerialPort {
@@ -107,16 +108,11 @@ impl Machine {
         NonZeroU32::new(self.time.get_clock_frequency().0).unwrap_or(NonZeroU32::MIN)
     }
 
-    /// What the time base shows.
-    pub fn count(&self) -> u32 {
-        TIM2.cnt().read()
-    }
-
-    /// The next event. `None`: a safety input changed.
-    pub async fn next(&mut self) -> Option<Event> {
+    /// The next event and its count of the time base. `None`: a safety input changed.
+    pub async fn next(&mut self) -> (u32, Option<Event>) {
         match select3(EVENTS.receive(), self.stop.wait_for_any_edge(), self.guard.wait_for_any_edge()).await {
-            Either3::First(event) => Some(event),
-            Either3::Second(()) | Either3::Third(()) => None,
+            Either3::First((count, event)) => (count, Some(event)),
+            Either3::Second(()) | Either3::Third(()) => (TIM2.cnt().read(), None),
         }
     }
 
