@@ -95,13 +95,10 @@ impl Station {
 
     /// Another rotation needs another controller. None is put aside while it drives or lights, or holds a fault.
     fn configure(&mut self, rotation: Rotation) {
-        if rotation != self.config().rotation && self.output.state == State::Idle {
-            if let Ok(controller) = Controller::new((self.figures)(rotation)) {
-                self.controller = controller;
-                // The new one is told at once, with the next event.
-                self.levels = Levels::default();
-                self.on_screen = None;
-            }
+        let wanted = rotation != self.config().rotation && self.output.state == State::Idle;
+        if let Some(Ok(controller)) = wanted.then(|| Controller::new((self.figures)(rotation))) {
+            // No safety input is active, or the old one would not be idle: there is nothing to tell the new one.
+            (self.controller, self.on_screen) = (controller, None);
         }
         self.matches_host = rotation == self.config().rotation;
     }

@@ -4,6 +4,7 @@ use proptest::prelude::*;
 use protocol::codec::ImageSize;
 use protocol::message::{Command, Fault};
 use protocol::timing::Direction;
+use std::format;
 use std::vec::Vec;
 
 /// Five nanoseconds a count, as on a board: 21 s to a wrap.
@@ -77,15 +78,12 @@ fn only_an_idle_controller_is_put_aside() {
 }
 
 #[test]
-fn a_new_controller_is_told_of_a_pressed_stop() {
+fn a_guard_that_opens_while_the_host_configures_is_not_forgotten() {
     let mut station = station();
-    outputs(&mut station, 1, None, STOPPED);
-    outputs(&mut station, 2, None, Levels::default());
-    assert_eq!(state(&mut station, 3, CLEAR), State::Idle);
-    // Pressed in the same moment in which the host configures.
     let guard = Levels { guard_open: true, ..Levels::default() };
-    assert_eq!(outputs(&mut station, 4, Some(configured(576)), guard).len(), 1);
-    assert_eq!(outputs(&mut station, 5, Some(START), guard).last().map(|output| output.state), Some(State::Fault));
+    assert_eq!(outputs(&mut station, 1, Some(configured(576)), guard).len(), 1);
+    assert_eq!(outputs(&mut station, 2, Some(START), guard).last().map(|output| output.state), Some(State::Fault));
+    assert_eq!(station.config().rotation.slices(), 288);
 }
 
 #[test]
@@ -126,5 +124,6 @@ proptest! {
             let seen = outputs(&mut station, count as u32, Some(event), Levels::default());
             prop_assert_eq!(seen, [controller.step(nanos(count), input)]);
         }
+        prop_assert_eq!(format!("{:?}", station.controller), format!("{controller:?}"));
     }
 }
