@@ -33,8 +33,8 @@ pub const HEAD_BYTES: usize = 24;
 /// Bytes of an answer.
 pub const ANSWER_BYTES: usize = 4;
 
-/// How often a busy store is asked. It has a part of 16 KiB to expand at most, some 0.1 ms of an FPGA's time; asking takes 4 µs on a
-/// port of 60 MHz, so that it is silent after some 40 ms.
+/// How often a busy store is asked, until it counts as silent. A question and its answer are 28 bytes: 45 ms in all on a port of 50 MHz.
+/// In this time it has a part of at most 16 KiB to expand.
 pub const ASKED_MAX: u32 = 10_000;
 
 /// Status bytes of an answer. Neither is what a dead line gives.
