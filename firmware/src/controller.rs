@@ -154,6 +154,11 @@ impl Controller {
         output
     }
 
+    /// A fault from before a reset: it holds as if it had come now.
+    pub fn latch(&mut self, fault: Fault) {
+        self.safety.stop_for(Nanos::ZERO, fault);
+    }
+
     /// What the controller believes.
     pub fn estimates(&self) -> Estimates {
         Estimates {

@@ -38,6 +38,19 @@ fn ticks_that_stop_are_noticed_by_whatever_comes_next() {
     assert_eq!(output.fault, Some(Fault::Watchdog));
 }
 
+#[test]
+fn a_fault_from_before_a_reset_holds_until_it_is_cleared() {
+    let mut controller = Controller::new(example(288, 240, Direction::CounterClockwise)).unwrap();
+    controller.latch(Fault::Overspeed);
+    let tick = Input::Tick { encoder_count: 0 };
+    let states = [(Command::Start, State::Fault), (Command::ClearFault, State::Idle), (Command::Start, State::SpinUp)];
+    for (at, (command, state)) in states.into_iter().enumerate() {
+        controller.step(Nanos(at as u64 * 250_000), Input::Command(command));
+        let output = controller.step(Nanos(at as u64 * 250_000 + 1), tick);
+        assert_eq!((output.state, output.fault), (state, (state == State::Fault).then_some(Fault::Overspeed)));
+    }
+}
+
 /// Any input, most of them plausible enough to reach deep states.
 fn input() -> impl Strategy<Value = (u64, Input)> {
     let wait = prop_oneof![6 => Just(250_000u64), 2 => 0u64..300_000, 1 => 0u64..10_000_000_000];

@@ -1,7 +1,8 @@
 //! Where the planes of a turn live. A turn is 21 MB and a controller has kilobytes, so pixels never pass through the core:
 //! it moves handles, and the store (memory in the simulator, an FPGA's frame store on a board) keeps and expands the planes.
 
-use protocol::message::{EndTurn, PlaneData};
+use protocol::codec::ImageSize;
+use protocol::message::{EndTurn, PlaneData, Reason};
 
 /// One of the store's slots for a turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
@@ -28,8 +29,12 @@ pub enum Plane {
 /// sequencer shows it from the next index on, and hands the slot of the turn before it back through [`release`](Self::release).
 /// A slot on screen is never written.
 pub trait PlaneStore {
-    /// Why a plane or a turn was refused.
-    type Error;
+    /// Why a plane or a turn was refused; the host is told the nearest reason.
+    type Error: Into<Reason>;
+
+    /// Turns of `slices` slices of `size` from now on. What was there is gone, unless the format is the same. Refused while a turn is
+    /// finished and not released.
+    fn configure(&mut self, slices: u16, size: ImageSize) -> Result<(), Self::Error>;
 
     /// A slot for a new turn.
     fn begin(&mut self) -> Result<TurnHandle, Self::Error>;

@@ -142,7 +142,7 @@ impl Safety {
 
     /// Whether the mirror may be driven.
     pub fn may_drive(&self) -> bool {
-        matches!(self.state, State::SpinUp | State::Acquire | State::Locked | State::Holdover)
+        self.state.may_drive()
     }
 
     /// Whether planes may be lit: the state allows it and the estimate is good enough.

@@ -4,14 +4,12 @@
 //! have their checks; whatever else happens, what is on screen stays.
 
 use crate::frame_store::MemoryStore;
-use answers::Answers;
+use firmware::conversation::{ANSWER_BYTES_MAX, Conversation};
+pub use firmware::conversation::{Counters, Report, Request as Input};
 pub use firmware::plane_store::{Plane, TurnHandle};
-use protocol::codec::ImageSize;
-use protocol::message::{Command, Fault, Reason, State, Status};
-use protocol::packet::{Counts, Decoder, PACKET_BYTES_MAX};
-use protocol::timing::Rotation;
-
-mod answers;
+use protocol::message::{Message, Reason};
+use protocol::packet::{Counts, Decoder, PACKET_BYTES_MAX, encode};
+use std::collections::VecDeque;
 
 /// Something at the far end of a link, in simulated time.
 pub trait Endpoint {
@@ -25,47 +23,6 @@ pub trait Endpoint {
     fn advance(&mut self, seconds: f64);
 }
 
-/// What the wire has for the controller.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Input {
-    /// Another rotation and image size: earlier turns are gone.
-    Configured(Rotation, ImageSize),
-    /// An order of the host.
-    Command(Command),
-    /// A turn that may be shown. It stays in the store until [`Device::release`].
-    TurnReady(TurnHandle),
-}
-
-/// How the controller does; the device adds what it knows and makes a [`Status`] of it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Report {
-    /// What it is doing.
-    pub state: State,
-    /// Why it stopped.
-    pub fault: Option<Fault>,
-    /// The mirror's angle ahead of the projector's picture, in 2⁻³² turn.
-    pub phase_error: i32,
-    /// The mirror's speed, turns in 10⁶ seconds.
-    pub speed_microhertz: u32,
-    /// Turns that came on screen.
-    pub turns_shown: u32,
-    /// The turn on screen.
-    pub on_screen: Option<TurnHandle>,
-}
-
-/// What came over the wire.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counters {
-    /// Packets, by how they arrived.
-    pub packets: Counts,
-    /// Packets that arrived undamaged and were refused.
-    pub refused: u32,
-    /// Turns that arrived whole.
-    pub turns_received: u32,
-    /// Turns that were begun and never became whole.
-    pub turns_abandoned: u32,
-}
-
 /// The device. The world feeds it ([`receive`](Endpoint::receive)), empties it ([`transmit`](Endpoint::transmit)), hands
 /// [inputs](Self::next_input) to the controller and the controller's releases and reports back.
 #[derive(Debug, Default)]
@@ -73,7 +30,10 @@ pub struct Device {
     decoder: Decoder<PACKET_BYTES_MAX>,
     /// Of decoders before a reset.
     packets_before: Counts,
-    answers: Answers,
+    conversation: Conversation<MemoryStore>,
+    inputs: VecDeque<Input>,
+    outgoing: Vec<u8>,
+    sequence: u32,
     report: Option<Report>,
 }
 
@@ -85,12 +45,12 @@ impl Device {
 
     /// The next of the controller's inputs, oldest first.
     pub fn next_input(&mut self) -> Option<Input> {
-        self.answers.inputs.pop_front()
+        self.inputs.pop_front()
     }
 
     /// The controller shows the turn no more. A turn that the controller was not given stays.
     pub fn release(&mut self, turn: TurnHandle) {
-        self.answers.release(turn);
+        self.conversation.release(turn);
     }
 
     /// Sends a status with the next [`transmit`](Endpoint::transmit). A report that was not sent yet is replaced.
@@ -100,40 +60,37 @@ impl Device {
 
     /// The link was lost: an unfinished turn is abandoned, and a hello must come first. What is on screen stays.
     pub fn reset(&mut self) {
-        self.packets_before = self.counters().packets;
+        self.packets_before = self.packets();
         self.decoder = Decoder::new();
-        self.answers.outgoing.clear();
-        self.answers.disconnect();
+        self.outgoing.clear();
+        self.conversation.disconnect();
     }
 
     /// The planes.
     pub fn store(&self) -> &MemoryStore {
-        &self.answers.store
+        self.conversation.store()
     }
 
     /// The host's number of a finished turn.
     pub fn turn_number(&self, turn: TurnHandle) -> Option<u32> {
-        self.answers.finished.iter().find(|finished| finished.handle == turn).map(|finished| finished.number)
+        self.conversation.turn_number(turn)
     }
 
     /// What came so far.
     pub fn counters(&self) -> Counters {
-        Counters { packets: add(self.packets_before, self.decoder.counts()), ..self.answers.counters }
+        self.conversation.counters()
     }
 
-    fn status(&self, report: &Report) -> Status {
-        let counters = self.counters();
-        Status {
-            state: report.state,
-            fault: report.fault,
-            phase_error: report.phase_error,
-            speed_microhertz: report.speed_microhertz,
-            turns_shown: report.turns_shown,
-            turn_on_screen: report.on_screen.and_then(|turn| self.turn_number(turn)),
-            turns_received: counters.turns_received,
-            turns_abandoned: counters.turns_abandoned,
-            packets: counters.packets.packets,
-            packets_damaged: counters.packets.damaged(),
+    /// Packets that came so far, by how they arrived.
+    pub fn packets(&self) -> Counts {
+        add(self.packets_before, self.decoder.counts())
+    }
+
+    fn send(&mut self, message: &Message<'_>) {
+        let mut frame = [0; ANSWER_BYTES_MAX];
+        if let Ok(length) = encode(self.sequence, message, &mut frame) {
+            self.sequence = self.sequence.wrapping_add(1);
+            self.outgoing.extend_from_slice(&frame[..length]);
         }
     }
 }
@@ -142,19 +99,21 @@ impl Endpoint for Device {
     fn receive(&mut self, mut bytes: &[u8]) {
         while let Some(packet) = self.decoder.next(&mut bytes) {
             let Ok(packet) = packet else { continue };
-            match packet.message() {
-                Ok(message) => self.answers.answer(packet.sequence, &message),
-                Err(_) => self.answers.refuse(packet.sequence, Reason::NotUnderstood),
-            }
+            let (answer, input) = match packet.message() {
+                Ok(message) => self.conversation.answer(packet.sequence, &message),
+                Err(_) => (self.conversation.refuse(packet.sequence, Reason::NotUnderstood), None),
+            };
+            self.inputs.extend(input);
+            self.send(&answer);
         }
     }
 
     fn transmit(&mut self) -> Vec<u8> {
-        if let Some(report) = self.report.take().filter(|_| self.answers.connected) {
-            let status = self.status(&report);
-            self.answers.send(&status.into());
+        if let Some(report) = self.report.take().filter(|_| self.conversation.is_connected()) {
+            let status = self.conversation.status(&report, self.packets());
+            self.send(&status.into());
         }
-        std::mem::take(&mut self.answers.outgoing)
+        std::mem::take(&mut self.outgoing)
     }
 
     /// Nothing here takes time.

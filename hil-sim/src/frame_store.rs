@@ -2,7 +2,7 @@
 
 use firmware::plane_store::{PlaneStore, TurnHandle};
 use protocol::codec::{ExpandError, Expander, ImageSize, turn_check};
-use protocol::message::{EndTurn, PlaneData};
+use protocol::message::{EndTurn, PlaneData, Reason};
 use thiserror::Error;
 
 /// Turns that a store holds: one on screen, one to be filled.
@@ -86,6 +86,22 @@ pub enum StoreError {
     },
 }
 
+impl From<StoreError> for Reason {
+    fn from(error: StoreError) -> Self {
+        match error {
+            StoreError::TooLarge { .. } => Self::Configuration,
+            StoreError::InUse | StoreError::Busy => Self::Busy,
+            StoreError::NotConfigured => Self::NotConfigured,
+            StoreError::NotFilling(_) => Self::WrongTurn,
+            StoreError::SliceOutOfRange { .. } => Self::SliceOutOfRange,
+            StoreError::PartMissing { .. } => Self::PartMissing,
+            StoreError::PartTooLong { .. } | StoreError::Damaged { .. } => Self::PlaneDamaged,
+            StoreError::SliceMissing { .. } => Self::SliceMissing,
+            StoreError::Check { .. } => Self::TurnDamaged,
+        }
+    }
+}
+
 /// An expanded plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlaneRef<'a> {
@@ -157,24 +173,6 @@ impl MemoryStore {
         Self::default()
     }
 
-    /// Turns of `slices` slices of `size` from now on. What was there is gone, unless the format is the same. Refused while a
-    /// turn is finished and not released.
-    pub fn configure(&mut self, slices: u16, size: ImageSize) -> Result<(), StoreError> {
-        if self.format == Some((slices, size)) {
-            return Ok(());
-        }
-        if self.slots.iter().any(|slot| slot.used == Use::Finished) {
-            return Err(StoreError::InUse);
-        }
-        let plane_bytes = size.plane_bytes();
-        if SLOTS as u64 * u64::from(slices) * plane_bytes as u64 > BYTES_MAX {
-            return Err(StoreError::TooLarge { slices, plane_bytes });
-        }
-        *self = Self { format: Some((slices, size)), ..Self::default() };
-        self.slots.iter_mut().for_each(|slot| slot.planes = vec![StoredPlane::default(); slices.into()]);
-        Ok(())
-    }
-
     /// Slice `slice` of the finished turn in `turn`. `None` for any other turn and slice.
     pub fn plane(&self, turn: TurnHandle, slice: u16) -> Option<PlaneRef<'_>> {
         let (_, size) = self.format?;
@@ -206,6 +204,22 @@ impl MemoryStore {
 
 impl PlaneStore for MemoryStore {
     type Error = StoreError;
+
+    fn configure(&mut self, slices: u16, size: ImageSize) -> Result<(), StoreError> {
+        if self.format == Some((slices, size)) {
+            return Ok(());
+        }
+        if self.slots.iter().any(|slot| slot.used == Use::Finished) {
+            return Err(StoreError::InUse);
+        }
+        let plane_bytes = size.plane_bytes();
+        if SLOTS as u64 * u64::from(slices) * plane_bytes as u64 > BYTES_MAX {
+            return Err(StoreError::TooLarge { slices, plane_bytes });
+        }
+        *self = Self { format: Some((slices, size)), ..Self::default() };
+        self.slots.iter_mut().for_each(|slot| slot.planes = vec![StoredPlane::default(); slices.into()]);
+        Ok(())
+    }
 
     fn begin(&mut self) -> Result<TurnHandle, StoreError> {
         self.format.ok_or(StoreError::NotConfigured)?;

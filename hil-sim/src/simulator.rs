@@ -124,16 +124,9 @@ impl Simulator {
     }
 
     fn report(&self) -> Report {
-        let estimates = self.world.estimates();
-        let slices = self.world.rotation().slices() as f32;
-        Report {
-            state: self.world.state(),
-            fault: self.world.fault(),
-            phase_error: (estimates.phase_error_slices / slices * 4_294_967_296.0) as i32,
-            speed_microhertz: (estimates.speed_rad_s.abs() / core::f32::consts::TAU * 1e6) as u32,
-            turns_shown: self.turns_shown,
-            on_screen: self.on_screen,
-        }
+        let (world, slices) = (&self.world, self.world.rotation().slices());
+        let report = Report::new(world.state(), world.fault(), &world.estimates(), slices);
+        Report { turns_shown: self.turns_shown, on_screen: self.on_screen, ..report }
     }
 }
 

@@ -1,10 +1,10 @@
 use super::*;
 use proptest::prelude::*;
-use protocol::codec::{compress, plane_check, turn_check};
+use protocol::codec::{ImageSize, compress, plane_check, turn_check};
 use protocol::message::{Ack, BeginTurn, Configure, Control, EndTurn, Hello, HelloReply, Message, Nack};
-use protocol::message::{PlaneData, SCHEMA, VERSION};
+use protocol::message::{Command, PlaneData, SCHEMA, State, VERSION};
 use protocol::packet::{FRAME_BYTES_MAX, encode};
-use protocol::timing::Direction;
+use protocol::timing::{Direction, Rotation};
 use protocol::units::Turns;
 
 const SLICES: u32 = 24;

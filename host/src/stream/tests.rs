@@ -260,9 +260,8 @@ fn through_faults(rates: FaultRates, seed: u64, turns: u32) -> (u32, u32) {
     if orders.len() == turns as usize {
         assert_eq!(player.commands, orders, "seed {seed}: each order once, in order");
     }
-    let counters = player.device.counters();
-    assert!(counters.turns_received as usize >= sure.len());
-    (turns - sure.len() as u32, counters.packets.damaged() + stream.statistics().retries as u32)
+    assert!(player.device.counters().turns_received as usize >= sure.len());
+    (turns - sure.len() as u32, player.device.packets().damaged() + stream.statistics().retries as u32)
 }
 
 #[test]

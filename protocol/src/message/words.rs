@@ -128,6 +128,11 @@ impl State {
     pub const fn may_light(self) -> bool {
         matches!(self, Self::Locked | Self::Holdover | Self::Service)
     }
+
+    /// Whether the mirror may be driven.
+    pub const fn may_drive(self) -> bool {
+        matches!(self, Self::SpinUp | Self::Acquire | Self::Locked | Self::Holdover)
+    }
 }
 
 impl core::fmt::Display for Fault {

@@ -1,0 +1,144 @@
+//! The host's end: packets in bulk transfers, and the way into the loader.
+
+use crate::control::{RELEASED, REPORT};
+use crate::events;
+use crate::machine::SerialPort;
+use embassy_stm32::usb::Driver;
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::mutex::Mutex;
+use embassy_time::{Duration, Ticker, with_timeout};
+use embassy_usb::UsbDevice;
+use embassy_usb::class::dfu::app_mode::{self, DfuState};
+use embassy_usb::class::dfu::consts::DfuAttributes;
+use embassy_usb::driver::{self, Endpoint, EndpointIn, EndpointOut};
+use firmware::conversation::{ANSWER_BYTES_MAX, Conversation};
+use firmware::port_store::PortStore;
+use protocol::message::{Message, Reason, State};
+use protocol::packet::{Counts, Decoder, PACKET_BYTES_MAX, encode};
+use static_cell::StaticCell;
+use stm32h743::keep;
+use stm32h743::usb::{PACKET_BYTES, Pins, Port, builder};
+
+/// How often the controller reports.
+const REPORT_EVERY: Duration = Duration::from_millis(10);
+/// A host that does not fetch an answer for this long does not get it.
+const FETCHED_WITHIN: Duration = Duration::from_millis(100);
+
+type Usb = Driver<'static, Port>;
+type Receiver = <Usb as driver::Driver<'static>>::EndpointOut;
+type Sender = <Usb as driver::Driver<'static>>::EndpointIn;
+
+/// What the tasks of the host's end share.
+pub struct Link {
+    conversation: Conversation<PortStore<SerialPort>>,
+    sender: Sender,
+    sequence: u32,
+    packets: Counts,
+}
+
+/// Shared by tasks of one priority.
+pub type SharedLink = Mutex<NoopRawMutex, Link>;
+
+/// Into the loader, but not from a machine that turns.
+struct IntoLoader;
+
+impl app_mode::Handler for IntoLoader {
+    fn enter_dfu(&mut self) {
+        let state = REPORT.lock(|report| report.get()).map(|report| report.state);
+        if state.is_none_or(|state| matches!(state, State::Idle | State::Fault)) {
+            keep::want_download();
+            cortex_m::peripheral::SCB::sys_reset();
+        }
+    }
+}
+
+/// The device with its two functions: ours, and the run-time half of DFU. Only to be called once.
+pub fn open(pins: Pins, store: SerialPort) -> (UsbDevice<'static, Usb>, Receiver, &'static SharedLink) {
+    static CONTROL: StaticCell<[u8; 64]> = StaticCell::new();
+    static DFU: StaticCell<DfuState<IntoLoader>> = StaticCell::new();
+    static LINK: StaticCell<SharedLink> = StaticCell::new();
+    let mut builder = builder(pins, "Praxinoscope controller", &CONTROL);
+    let (receiver, sender) = {
+        // Class, subclass and protocol of a vendor's own.
+        let mut function = builder.function(0xff, 0, 0);
+        let mut interface = function.interface();
+        let mut setting = interface.alt_setting(0xff, 0, 0, None);
+        (setting.endpoint_bulk_out(None, PACKET_BYTES), setting.endpoint_bulk_in(None, PACKET_BYTES))
+    };
+    let attributes = DfuAttributes::CAN_DOWNLOAD | DfuAttributes::WILL_DETACH;
+    let dfu = DFU.init(DfuState::new(IntoLoader, attributes, Duration::from_millis(1_000)));
+    app_mode::usb_dfu(&mut builder, dfu, |_| {});
+    let conversation = Conversation::new(PortStore::new(store));
+    let link = Link { conversation, sender, sequence: 0, packets: Counts::default() };
+    (builder.build(), receiver, LINK.init(Mutex::new(link)))
+}
+
+/// The bus itself.
+#[embassy_executor::task]
+pub async fn bus(mut device: UsbDevice<'static, Usb>) {
+    device.run().await;
+}
+
+/// Answers every packet by one.
+#[embassy_executor::task]
+pub async fn answers(link: &'static SharedLink, mut receiver: Receiver) {
+    let mut decoder = Decoder::<PACKET_BYTES_MAX>::new();
+    let mut buffer = [0; PACKET_BYTES as usize];
+    loop {
+        receiver.wait_enabled().await;
+        // Ends what unplugging cut.
+        decoder.next(&mut &[0][..]);
+        while let Ok(length) = receiver.read(&mut buffer).await {
+            let mut bytes = buffer.get(..length).unwrap_or_default();
+            while let Some(packet) = decoder.next(&mut bytes) {
+                let Ok(packet) = packet else { continue };
+                link.lock().await.answer(packet.sequence, packet.message().ok()).await;
+            }
+            link.lock().await.packets = decoder.counts();
+        }
+        link.lock().await.conversation.disconnect();
+    }
+}
+
+/// Reports, once a host has said hello.
+#[embassy_executor::task]
+pub async fn reports(link: &'static SharedLink) {
+    let mut ticker = Ticker::every(REPORT_EVERY);
+    loop {
+        ticker.next().await;
+        let mut link = link.lock().await;
+        if let Some(report) = REPORT.lock(|report| report.get()).filter(|_| link.conversation.is_connected()) {
+            let status = link.conversation.status(&report, link.packets);
+            link.send(&status.into()).await;
+        }
+    }
+}
+
+impl Link {
+    /// `None`: an undamaged packet without a message that is known.
+    async fn answer(&mut self, sequence: u32, message: Option<Message<'_>>) {
+        while let Ok(turn) = RELEASED.try_receive() {
+            self.conversation.release(turn);
+        }
+        let (answer, request) = match message {
+            Some(message) => self.conversation.answer(sequence, &message),
+            None => (self.conversation.refuse(sequence, Reason::NotUnderstood), None),
+        };
+        if let Some(request) = request {
+            events::ask(request).await;
+        }
+        self.send(&answer).await;
+    }
+
+    async fn send(&mut self, message: &Message<'_>) {
+        let mut frame = [0; ANSWER_BYTES_MAX];
+        let length = encode(self.sequence, message, &mut frame);
+        self.sequence = self.sequence.wrapping_add(1);
+        let Some(bytes) = length.ok().and_then(|length| frame.get(..length)) else { return };
+        for packet in bytes.chunks(PACKET_BYTES.into()) {
+            if !matches!(with_timeout(FETCHED_WITHIN, self.sender.write(packet)).await, Ok(Ok(()))) {
+                return;
+            }
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! The controller's end of the wire, without any transport: a message comes in, its answer and what it asks of the controller go out.
+//!
+//! A turn comes on screen only if all its planes and the turn as a whole have their checks; whatever else happens, what is on screen
+//! stays.
+
+use crate::controller::Estimates;
+use crate::plane_store::{PlaneStore, TurnHandle};
+use core::f32::consts::TAU;
+use heapless::Vec;
+use protocol::codec::ImageSize;
+use protocol::message::{
+    Ack, BeginTurn, Command, Configure, EndTurn, Fault, Hello, HelloReply, Message, Nack, PlaneData, Reason, SCHEMA,
+    State, Status, VERSION,
+};
+use protocol::packet::Counts;
+use protocol::timing::Rotation;
+
+/// No message to the host is longer on the wire, in bytes: Status, the longest, has 64 bytes of payload.
+pub const ANSWER_BYTES_MAX: usize = 96;
+
+/// Finished turns that are kept: more than any store holds.
+const TURNS_MAX: usize = 8;
+
+/// What the wire has for the controller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Request {
+    /// Another rotation and image size: earlier turns are gone.
+    Configured(Rotation, ImageSize),
+    /// An order of the host.
+    Command(Command),
+    /// A turn that may be shown. It stays in the store until [`Conversation::release`].
+    TurnReady(TurnHandle),
+}
+
+/// How the controller does; the conversation adds what it knows and makes a [`Status`] of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Report {
+    /// What it is doing.
+    pub state: State,
+    /// Why it stopped.
+    pub fault: Option<Fault>,
+    /// The mirror's angle ahead of the projector's picture, in 2⁻³² turn.
+    pub phase_error: i32,
+    /// The mirror's speed, turns in 10⁶ seconds.
+    pub speed_microhertz: u32,
+    /// Turns that came on screen.
+    pub turns_shown: u32,
+    /// The turn on screen.
+    pub on_screen: Option<TurnHandle>,
+}
+
+impl Report {
+    /// Of a controller whose turns have `slices` slices and whose screen shows nothing.
+    pub fn new(state: State, fault: Option<Fault>, estimates: &Estimates, slices: u32) -> Self {
+        Self {
+            state,
+            fault,
+            phase_error: (estimates.phase_error_slices / slices as f32 * 4_294_967_296.0) as i32,
+            speed_microhertz: (estimates.speed_rad_s.abs() / TAU * 1e6) as u32,
+            turns_shown: 0,
+            on_screen: None,
+        }
+    }
+}
+
+/// What came over the wire, without the packets: their decoder counts them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Packets that arrived undamaged and were refused.
+    pub refused: u32,
+    /// Turns that arrived whole.
+    pub turns_received: u32,
+    /// Turns that were begun and never became whole.
+    pub turns_abandoned: u32,
+}
+
+/// A turn in the store and the host's number of it.
+#[derive(Clone, Copy, Debug)]
+struct Turn {
+    number: u32,
+    handle: TurnHandle,
+}
+
+/// The state of the conversation.
+#[derive(Debug, Default)]
+pub struct Conversation<S> {
+    store: S,
+    connected: bool,
+    configured: Option<Configure>,
+    filling: Option<Turn>,
+    finished: Vec<Turn, TURNS_MAX>,
+    /// The last turn that became whole: its begin and end may be repeated.
+    last: Option<u32>,
+    /// The last order's sequence number: an order is carried out once, however often its packet comes.
+    last_order: Option<u32>,
+    counters: Counters,
+}
+
+impl<S: PlaneStore> Conversation<S> {
+    /// Waits for a hello; planes go to `store`.
+    pub fn new(store: S) -> Self {
+        Self {
+            store,
+            connected: false,
+            configured: None,
+            filling: None,
+            finished: Vec::new(),
+            last: None,
+            last_order: None,
+            counters: Counters::default(),
+        }
+    }
+
+    /// The planes.
+    pub fn store(&self) -> &S {
+        &self.store
+    }
+
+    /// Whether a host of the same schema said hello.
+    pub fn is_connected(&self) -> bool {
+        self.connected
+    }
+
+    /// What came so far.
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// The host's number of a finished turn.
+    pub fn turn_number(&self, turn: TurnHandle) -> Option<u32> {
+        self.finished.iter().find(|finished| finished.handle == turn).map(|finished| finished.number)
+    }
+
+    /// The controller shows the turn no more. A turn that the controller was not given stays.
+    pub fn release(&mut self, turn: TurnHandle) {
+        let before = self.finished.len();
+        self.finished.retain(|finished| finished.handle != turn);
+        if self.finished.len() < before {
+            self.store.release(turn);
+        }
+    }
+
+    /// The link was lost: an unfinished turn is abandoned, and a hello must come first. What is on screen stays.
+    pub fn disconnect(&mut self) {
+        self.connected = false;
+        self.abandon();
+        (self.last, self.last_order) = (None, None);
+    }
+
+    /// Answers the packet `sequence`. What it asks of the controller, if anything, comes with the answer.
+    pub fn answer(&mut self, sequence: u32, message: &Message<'_>) -> (Message<'static>, Option<Request>) {
+        let done = match message {
+            Message::Hello(hello) => return (self.hello(sequence, hello), None),
+            _ if !self.connected => Err(Reason::NotConnected),
+            Message::Configure(configure) => self.configure(configure),
+            Message::BeginTurn(begin) => self.begin(begin).map(|()| None),
+            Message::PlaneData(part) => self.plane(part).map(|()| None),
+            Message::EndTurn(end) => self.end(end),
+            Message::Control(control) => Ok(self.order(sequence, control.command)),
+            _ => Err(Reason::NotUnderstood),
+        };
+        match done {
+            Ok(request) => (Ack { answers: sequence }.into(), request),
+            Err(reason) => (self.refuse(sequence, reason), None),
+        }
+    }
+
+    /// The answer to a packet that arrived undamaged and is refused.
+    pub fn refuse(&mut self, answers: u32, reason: Reason) -> Message<'static> {
+        self.counters.refused = self.counters.refused.saturating_add(1);
+        Nack { answers, reason }.into()
+    }
+
+    /// What the host is told of `report`, after `packets`.
+    pub fn status(&self, report: &Report, packets: Counts) -> Status {
+        Status {
+            state: report.state,
+            fault: report.fault,
+            phase_error: report.phase_error,
+            speed_microhertz: report.speed_microhertz,
+            turns_shown: report.turns_shown,
+            turn_on_screen: report.on_screen.and_then(|turn| self.turn_number(turn)),
+            turns_received: self.counters.turns_received,
+            turns_abandoned: self.counters.turns_abandoned,
+            packets: packets.packets,
+            packets_damaged: packets.damaged(),
+        }
+    }
+
+    fn abandon(&mut self) {
+        if let Some(turn) = self.filling.take() {
+            self.store.release(turn.handle);
+            self.counters.turns_abandoned = self.counters.turns_abandoned.saturating_add(1);
+        }
+    }
+
+    fn hello(&mut self, answers: u32, hello: &Hello) -> Message<'static> {
+        self.disconnect();
+        self.connected = hello.schema == SCHEMA;
+        HelloReply { answers, version: VERSION, schema: SCHEMA }.into()
+    }
+
+    fn configure(&mut self, configure: &Configure) -> Result<Option<Request>, Reason> {
+        if self.configured == Some(*configure) {
+            return Ok(None);
+        }
+        let (rotation, size) = configure.parts().map_err(|_| Reason::Configuration)?;
+        if !self.finished.is_empty() {
+            return Err(Reason::Busy);
+        }
+        self.abandon();
+        self.store.configure(configure.slices, size).map_err(Into::into)?;
+        self.configured = Some(*configure);
+        Ok(Some(Request::Configured(rotation, size)))
+    }
+
+    fn begin(&mut self, begin: &BeginTurn) -> Result<(), Reason> {
+        let configured = self.configured.ok_or(Reason::NotConfigured)?;
+        if begin.slices != configured.slices {
+            return Err(Reason::SliceOutOfRange);
+        }
+        if self.filling.is_some_and(|turn| turn.number == begin.turn) || self.last == Some(begin.turn) {
+            return Ok(());
+        }
+        self.abandon();
+        let handle = self.store.begin().map_err(Into::into)?;
+        self.filling = Some(Turn { number: begin.turn, handle });
+        Ok(())
+    }
+
+    fn plane(&mut self, part: &PlaneData<'_>) -> Result<(), Reason> {
+        let turn = self.filling.filter(|turn| turn.number == part.turn).ok_or(Reason::WrongTurn)?;
+        self.store.write(turn.handle, part).map_err(Into::into)
+    }
+
+    fn end(&mut self, end: &EndTurn) -> Result<Option<Request>, Reason> {
+        if self.last == Some(end.turn) {
+            return Ok(None);
+        }
+        let turn = self.filling.filter(|turn| turn.number == end.turn).ok_or(Reason::WrongTurn)?;
+        if self.finished.is_full() {
+            return Err(Reason::Busy);
+        }
+        self.store.finish(turn.handle, end).map_err(Into::into)?;
+        self.filling = None;
+        self.last = Some(end.turn);
+        // There is room, by the check above.
+        let _ = self.finished.push(turn);
+        self.counters.turns_received = self.counters.turns_received.saturating_add(1);
+        Ok(Some(Request::TurnReady(turn.handle)))
+    }
+
+    /// The host sends one order at a time, so that an older number is a repeated packet.
+    fn order(&mut self, sequence: u32, command: Command) -> Option<Request> {
+        let new = self.last_order.is_none_or(|last| sequence.wrapping_sub(last) as i32 > 0);
+        new.then(|| {
+            self.last_order = Some(sequence);
+            Request::Command(command)
+        })
+    }
+}
