@@ -12,6 +12,7 @@ pub mod angle;
 pub mod config;
 pub mod controller;
 pub mod covariance;
+pub mod fault_log;
 pub mod plane_store;
 pub mod probit;
 pub mod projector_sync;

@@ -7,7 +7,7 @@ use crate::frame_store::MemoryStore;
 use answers::Answers;
 pub use firmware::plane_store::{Plane, TurnHandle};
 use protocol::codec::ImageSize;
-use protocol::message::{Command, Fault, Reason, State, Status};
+use protocol::message::{Command, Fault, Faults, Reason, State, Status};
 use protocol::packet::{Counts, Decoder, PACKET_BYTES_MAX};
 use protocol::timing::Rotation;
 
@@ -75,6 +75,7 @@ pub struct Device {
     packets_before: Counts,
     answers: Answers,
     report: Option<Report>,
+    faults: Option<Faults>,
 }
 
 impl Device {
@@ -96,6 +97,11 @@ impl Device {
     /// Sends a status with the next [`transmit`](Endpoint::transmit). A report that was not sent yet is replaced.
     pub fn report(&mut self, report: Report) {
         self.report = Some(report);
+    }
+
+    /// What the controller remembers of its faults. Sent with the next status after a hello, and then where it has changed.
+    pub fn faults(&mut self, faults: Faults) {
+        self.faults = Some(faults);
     }
 
     /// The link was lost: an unfinished turn is abandoned, and a hello must come first. What is on screen stays.
@@ -153,6 +159,7 @@ impl Endpoint for Device {
         if let Some(report) = self.report.take().filter(|_| self.answers.connected) {
             let status = self.status(&report);
             self.answers.send(&status.into());
+            self.answers.tell_faults(self.faults);
         }
         std::mem::take(&mut self.answers.outgoing)
     }

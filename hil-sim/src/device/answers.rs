@@ -4,12 +4,13 @@ use super::{Counters, Input};
 use crate::frame_store::{MemoryStore, StoreError};
 use firmware::plane_store::{PlaneStore, TurnHandle};
 use protocol::message::{
-    Ack, BeginTurn, Command, Configure, EndTurn, Hello, HelloReply, Message, Nack, PlaneData, Reason, SCHEMA, VERSION,
+    Ack, BeginTurn, Command, Configure, EndTurn, Faults, Hello, HelloReply, Message, Nack, PlaneData, Reason, SCHEMA,
+    VERSION,
 };
 use protocol::packet::encode;
 use std::collections::VecDeque;
 
-/// No message to the host is longer on the wire: Status, the longest, has 64 bytes of payload.
+/// No message to the host is longer on the wire: Status and Faults, the longest, have 64 bytes of payload.
 const ANSWER_BYTES_MAX: usize = 96;
 
 /// A turn in the store and the host's number of it.
@@ -31,6 +32,8 @@ pub(super) struct Answers {
     last: Option<u32>,
     /// The last order's sequence number: an order is carried out once, however often its packet comes.
     last_order: Option<u32>,
+    /// What the host of this connection was told last.
+    told: Option<Faults>,
     pub(super) inputs: VecDeque<Input>,
     pub(super) outgoing: Vec<u8>,
     sequence: u32,
@@ -50,7 +53,7 @@ impl Answers {
     pub(super) fn disconnect(&mut self) {
         self.connected = false;
         self.abandon();
-        (self.last, self.last_order) = (None, None);
+        (self.last, self.last_order, self.told) = (None, None, None);
     }
 
     fn abandon(&mut self) {
@@ -146,6 +149,13 @@ impl Answers {
         if self.last_order.is_none_or(|last| sequence.wrapping_sub(last) as i32 > 0) {
             self.last_order = Some(sequence);
             self.inputs.push_back(Input::Command(command));
+        }
+    }
+
+    pub(super) fn tell_faults(&mut self, faults: Option<Faults>) {
+        if let Some(faults) = faults.filter(|_| self.told != faults) {
+            self.told = Some(faults);
+            self.send(&faults.into());
         }
     }
 
