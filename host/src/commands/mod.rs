@@ -6,6 +6,7 @@ mod bench;
 mod chart;
 mod compare;
 mod demo;
+mod lock_chart;
 mod plan;
 mod project;
 mod render;
@@ -37,6 +38,7 @@ enum Command {
     See(see::Args),
     Plan(plan::Args),
     Chart(chart::Args),
+    LockChart(lock_chart::Args),
     Bench(bench::Args),
     Truth(truth::Args),
     Compare(compare::Args),
@@ -72,6 +74,7 @@ pub fn main() -> ExitCode {
         Command::Bake(args) => bake::run(&args),
         Command::See(args) => see::run(&args),
         Command::Chart(args) => chart::run(&args),
+        Command::LockChart(args) => lock_chart::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Truth(args) => truth::run(&args),

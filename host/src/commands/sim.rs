@@ -15,7 +15,8 @@ use serde_json::{Value, json};
 use std::fmt::Display;
 use std::path::Path;
 
-const REFERENCE_MOTOR: &str = "reference";
+/// The name of the motor that comes with the simulator.
+pub(super) const REFERENCE_MOTOR: &str = "reference";
 
 /// Simulate motor, lock and sequencing, without pixels, and say how well the mirror keeps step
 #[derive(clap::Args)]
@@ -50,10 +51,7 @@ fn seconds(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let rig = rigs::find(&args.rig)?;
-    let motor = match args.motor.as_str() {
-        REFERENCE_MOTOR => Motor::reference(),
-        file => load(file, "reference", Motor::from_toml)?,
-    };
+    let motor = find_motor(&args.motor)?;
     let scenario = match Scenario::built_in(&args.scenario) {
         Some(scenario) => scenario,
         None => load(&args.scenario, &Scenario::BUILT_IN.join(", "), Scenario::from_toml)?,
@@ -77,6 +75,14 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let first = verdict.first.as_deref().unwrap_or("a checker failed");
     let repeat = repeat_command(&args.rig, &args.motor, &args.scenario, args.seconds, args.seed);
     Err(Failure(format!("{first}; repeat with: {repeat}")))
+}
+
+/// The motor of this name, or of this file.
+pub(super) fn find_motor(name: &str) -> Result<Motor, Failure> {
+    match name {
+        REFERENCE_MOTOR => Ok(Motor::reference()),
+        file => load(file, REFERENCE_MOTOR, Motor::from_toml),
+    }
 }
 
 fn load<T, E: Display>(file: &str, names: &str, parse: impl Fn(&str) -> Result<T, E>) -> Result<T, Failure> {
