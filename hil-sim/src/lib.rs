@@ -17,4 +17,5 @@ pub mod scenario;
 pub mod sensors;
 pub mod simulator;
 pub mod statistics;
+pub mod tuning;
 pub mod world;

@@ -131,7 +131,7 @@ pub fn cases(motor: &Motor) -> Vec<Case> {
 /// The linear model of `motor`'s lock, with the estimator as it was measured.
 pub fn model(rotation: &Rotation, case: &Case) -> Result<LoopModel, SweepError> {
     let motor = &case.motor;
-    let observer = observer::measure(rotation, motor, 1).map_err(|error| SweepError::Config(case.name, error))?;
+    let observer = observer::measure(rotation, motor).map_err(|error| SweepError::Config(case.name, error))?;
     Ok(LoopModel {
         drive: Drive {
             delay_s: motor.plant.command_delay_us * 1e-6,
