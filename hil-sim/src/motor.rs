@@ -146,6 +146,11 @@ impl Motor {
         Ok(motor)
     }
 
+    /// A file that [`Motor::from_toml`] reads.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("numbers and names in tables")
+    }
+
     fn check(&self) -> Result<(), ValueError> {
         let (plant, sensors, clock) = (&self.plant, &self.sensors, &self.projector_clock);
         let positive = Range { least: 1e-9, most: 1e6 };
@@ -244,6 +249,7 @@ mod tests {
         let motor = Motor::reference();
         assert_eq!(motor.plant.cogging[1], Cogging { torque_nm: 0.004, per_turn: 24 });
         assert_eq!(motor.controller.rate_hz, 4_000.0);
+        assert_eq!(Motor::from_toml(&motor.to_toml()).unwrap(), motor);
         let rotation = Rotation::new(288, 24, 240_000_000, Turns::ZERO, Direction::Clockwise).unwrap();
         assert_eq!(motor.firmware_config(&rotation, Nanos::ZERO).gains, Gains::default());
     }

@@ -8,10 +8,14 @@ mod regression;
 
 use crate::lock_sweep::{Case, SweepError, model};
 use crate::loop_model::{LoopModel, Margins};
-use crate::motor::{Cogging, ControlTimer, Motor, PlantFigures, Ripple};
+use crate::motor::{Cogging, Motor, PlantFigures, Ripple};
 use crate::scenario::Scenario;
+use crate::statistics::LockStatistics;
 use crate::world::World;
 use experiment::{Experiment, RUN_S, Recording, Told};
+use firmware::config::ConfigError;
+use firmware::controller::Controller;
+use firmware::plane_store::TurnHandle;
 use identify::{Identified, identify};
 use protocol::timing::Rotation;
 use protocol::units::Nanos;
@@ -88,6 +92,8 @@ pub enum TuneError {
 /// The bandwidth is this part of the one at which the loop becomes unstable: `praxi lock-chart` shows the phase error at its least from a
 /// tenth to a third of it, and the margins at the drive growing up to it.
 const BOUNDARY_PART: f64 = 0.25;
+/// How long a proof is simulated, seconds.
+const PROOF_S: f64 = 20.0;
 
 /// Runs the experiment on a device whose plant is that of `truth`, under the disturbances of `scenario`.
 pub fn record(rotation: &Rotation, truth: &Motor, scenario: &Scenario, seed: u64) -> Recording {
@@ -96,6 +102,22 @@ pub fn record(rotation: &Rotation, truth: &Motor, scenario: &Scenario, seed: u64
     world.advance(RUN_S + 1.0);
     let recording = std::mem::take(&mut *recording.lock().unwrap_or_else(PoisonError::into_inner));
     recording
+}
+
+/// The lock that `tuned` gives on the plant of `truth`.
+pub fn prove(
+    rotation: &Rotation,
+    frame_latency: Nanos,
+    truth: &Motor,
+    tuned: &Tuned,
+    seed: u64,
+) -> Result<LockStatistics, ConfigError> {
+    let controller = Controller::new(tuned.motor.firmware_config(rotation, frame_latency))?;
+    let scenario = Scenario::default();
+    let mut world = World::with_core(rotation, frame_latency, truth, &scenario, seed, Box::new(controller));
+    world.turn_ready(TurnHandle(0));
+    world.advance(PROOF_S);
+    Ok(world.statistics())
 }
 
 /// What data sheets tell of a motor.
@@ -158,7 +180,7 @@ fn found(sheet: &Motor, identified: &Identified) -> Motor {
         },
         sensors,
         projector_clock: sheet.projector_clock.clone(),
-        controller: ControlTimer { ..sheet.controller.clone() },
+        controller: sheet.controller.clone(),
     }
 }
 

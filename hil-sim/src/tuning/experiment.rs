@@ -73,7 +73,7 @@ const SLOW_RAD_S: [f64; 2] = [2.0, 5.0];
 const PUSH_SHARES: [f64; 2] = [0.35, 0.9];
 const PUSH_TICKS_S: f64 = 0.03;
 const PUSH_S: f64 = 8.0;
-const COAST_S: f64 = 1.2;
+const COAST_S: f64 = 1.5;
 /// All of it.
 pub const RUN_S: f64 = 20.0;
 const MOVED_RAD: f64 = 0.1;
@@ -155,7 +155,7 @@ impl Experiment {
                 let high = part.wrapping_mul(0x9e37_79b9) >> 31 == 1;
                 return PUSH_SHARES[usize::from(high)] * self.told.torque_max_nm;
             }
-            Stage::Coast if elapsed > COAST_S || speed < 0.3 * self.speed_target => self.begin(Stage::Push, tick),
+            Stage::Coast if elapsed > COAST_S || speed < 0.5 * self.speed_target => self.begin(Stage::Push, tick),
             _ => {}
         }
         0.0

@@ -128,6 +128,15 @@ impl<'a> Windows<'a> {
         self.starts.iter().map(|&start| dot(weights, &samples[start..start + weights.len()])).collect()
     }
 
+    /// The mean acceleration in the window at `start`. Angles are taken from the window's middle: a sum over ticks is no integral, and 1,000 rad
+    /// times the difference would be 200 rad/s².
+    fn acceleration(&self, start: usize) -> f64 {
+        let bend = &self.weights[2];
+        let angles = &self.angles[start..start + bend.len()];
+        let middle = angles[bend.len() / 2];
+        bend.iter().zip(angles).map(|(weight, angle)| weight * (angle - middle)).sum()
+    }
+
     /// The torque that acts if commands act after `delay_s`: its mean in each tick.
     fn torques(&self, delay_s: f64) -> Vec<f64> {
         let ticks = delay_s * self.told.rate_hz;
@@ -174,7 +183,7 @@ impl<'a> Windows<'a> {
         columns.extend(self.harmonic(window, 1, None));
         Regression {
             columns,
-            target: self.integrals(bend, &self.angles),
+            target: self.starts.iter().map(|&start| self.acceleration(start)).collect(),
             cluster: self.starts.iter().map(|start| start / cluster).collect(),
         }
     }
