@@ -14,6 +14,7 @@ mod rig;
 mod see;
 mod sim;
 mod truth;
+mod tune;
 
 use crate::output;
 use clap::error::ErrorKind;
@@ -45,6 +46,7 @@ enum Command {
     Project(project::Args),
     Rig(rig::Args),
     Sim(sim::Args),
+    Tune(tune::Args),
 }
 
 /// What is printed on one line before exit code 2: what, where, what is allowed.
@@ -82,6 +84,7 @@ pub fn main() -> ExitCode {
         Command::Project(args) => project::run(&args),
         Command::Rig(args) => rig::run(&args),
         Command::Sim(args) => sim::run(&args),
+        Command::Tune(args) => tune::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
