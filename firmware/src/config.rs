@@ -24,6 +24,22 @@ pub struct MotorFigures {
     pub torque_bandwidth_hz: f32,
 }
 
+/// How the loop answers a phase error.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Gains {
+    /// Natural frequency of the feedback on phase and speed, rad/s.
+    pub bandwidth_rad_s: f32,
+    /// Its damping ratio.
+    pub damping: f32,
+}
+
+impl Default for Gains {
+    /// Six hertz: slow against the millisecond of delay, and fast against what the model leaves out.
+    fn default() -> Self {
+        Self { bandwidth_rad_s: 38.0, damping: 0.9 }
+    }
+}
+
 /// Figures of the mirror's sensors.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SensorFigures {
@@ -68,6 +84,8 @@ pub struct Config {
     pub control_rate_hz: f32,
     /// The motor.
     pub motor: MotorFigures,
+    /// The loop.
+    pub gains: Gains,
     /// Its sensors.
     pub sensors: SensorFigures,
     /// The projector's clock.
@@ -144,6 +162,8 @@ impl Config {
             ("air_drag_nm_s2", motor.air_drag_nm_s2, 0.0, 1.0),
             ("command_delay (ns)", motor.command_delay.0 as f32, 0.0, 10.0 * 1e9 / self.control_rate_hz),
             ("torque_bandwidth_hz", motor.torque_bandwidth_hz, 10.0, 1e6),
+            ("bandwidth_rad_s", self.gains.bandwidth_rad_s, 0.1, 1e4),
+            ("damping", self.gains.damping, 0.1, 10.0),
             ("encoder_counts_per_turn", sensors.encoder_counts_per_turn as f32, 16.0, 10_000_000.0),
             ("encoder_edge_noise_rad", sensors.encoder_edge_noise_rad, 0.0, 0.1),
             ("index_jitter_s", sensors.index_jitter_s, 0.0, 1e-3),
@@ -192,6 +212,7 @@ pub(crate) mod tests {
                 command_delay: Nanos(500_000),
                 torque_bandwidth_hz: 300.0,
             },
+            gains: Gains::default(),
             sensors: SensorFigures {
                 encoder_counts_per_turn: 2_000,
                 encoder_edge_noise_rad: 1.7e-4,

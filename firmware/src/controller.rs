@@ -2,6 +2,7 @@
 
 use crate::actuator::Actuator;
 use crate::config::{Config, ConfigError};
+use crate::fault_log::{Cause, FaultLog};
 use crate::frames::Frames;
 use crate::plane_store::TurnHandle;
 use crate::projector_sync::ProjectorSync;
@@ -105,8 +106,13 @@ pub struct Controller {
 const ARM_AFTER: f32 = 0.25;
 
 impl Controller {
-    /// Idle and dark, for the rig that `config` describes.
+    /// Idle and dark, for the rig that `config` describes; as one that never had a fault.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
+        Self::after_reset(config, FaultLog::default())
+    }
+
+    /// The same after a reset, with the faults of before it: one that held still holds, until a command clears it.
+    pub fn after_reset(config: Config, log: FaultLog) -> Result<Self, ConfigError> {
         let config = config.checked()?;
         Ok(Self {
             config,
@@ -120,7 +126,7 @@ impl Controller {
             actuator: Actuator::new(&config),
             lock: VelocityLock::new(&config),
             sequencer: Sequencer::default(),
-            safety: Safety::new(config.limits),
+            safety: Safety::new(config.limits, log),
             service_slice: 0,
             last_tick: None,
             armed_after: None,
@@ -154,11 +160,6 @@ impl Controller {
         output
     }
 
-    /// A fault from before a reset: it holds as if it had come now.
-    pub fn latch(&mut self, fault: Fault) {
-        self.safety.stop_for(Nanos::ZERO, fault);
-    }
-
     /// What the controller believes.
     pub fn estimates(&self) -> Estimates {
         Estimates {
@@ -175,6 +176,11 @@ impl Controller {
         &self.rotation
     }
 
+    /// Faults so far, also of before a reset. To be kept, whenever it changes, before the step's output is acted on.
+    pub fn faults(&self) -> &FaultLog {
+        self.safety.log()
+    }
+
     /// What it was built with.
     pub fn config(&self) -> &Config {
         &self.config
@@ -186,9 +192,10 @@ impl Controller {
     }
 
     fn check_watchdog(&mut self, now: Nanos) {
-        let late = self.last_tick.is_some_and(|tick| now.signed_since(tick) > self.config.limits.watchdog.0 as i64);
-        if late && self.safety.may_drive() {
-            self.safety.stop_for(now, Fault::Watchdog);
+        let Some(tick) = self.last_tick else { return };
+        let watchdog = self.config.limits.watchdog;
+        if now.signed_since(tick) > watchdog.0 as i64 && self.safety.may_drive() {
+            self.safety.stop_for(now, Fault::Watchdog, Cause::time(now - tick, watchdog));
         }
     }
 

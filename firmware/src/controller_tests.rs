@@ -39,16 +39,19 @@ fn ticks_that_stop_are_noticed_by_whatever_comes_next() {
 }
 
 #[test]
-fn a_fault_from_before_a_reset_holds_until_it_is_cleared() {
-    let mut controller = Controller::new(example(288, 240, Direction::CounterClockwise)).unwrap();
-    controller.latch(Fault::Overspeed);
-    let tick = Input::Tick { encoder_count: 0 };
-    let states = [(Command::Start, State::Fault), (Command::ClearFault, State::Idle), (Command::Start, State::SpinUp)];
-    for (at, (command, state)) in states.into_iter().enumerate() {
-        controller.step(Nanos(at as u64 * 250_000), Input::Command(command));
-        let output = controller.step(Nanos(at as u64 * 250_000 + 1), tick);
-        assert_eq!((output.state, output.fault), (state, (state == State::Fault).then_some(Fault::Overspeed)));
+fn a_fault_survives_a_reset_and_falls_to_a_command_alone() {
+    let config = example(288, 240, Direction::CounterClockwise);
+    let mut controller = Controller::new(config).unwrap();
+    controller.step(Nanos(0), Input::Levels(Levels { emergency_stop: true, guard_open: false }));
+    for at in 1..5 {
+        let log = FaultLog::from_bytes(&controller.faults().to_bytes());
+        controller = Controller::after_reset(config, log).unwrap();
+        let output = controller.step(Nanos(at), Input::Command(Command::Start));
+        assert_eq!((output.state, output.fault), (State::Fault, Some(Fault::EmergencyStop)));
     }
+    let output = controller.step(Nanos(9), Input::Command(Command::ClearFault));
+    assert_eq!((output.state, output.fault), (State::Idle, None));
+    assert_eq!(controller.faults().faults().count(Fault::EmergencyStop), 1);
 }
 
 /// Any input, most of them plausible enough to reach deep states.
@@ -81,6 +84,30 @@ fn holds(controller: &Controller, output: &Output) -> Result<(), TestCaseError> 
     let estimates = controller.estimates();
     prop_assert!(estimates.speed_rad_s.is_finite() && estimates.phase_error_slices.is_finite());
     Ok(())
+}
+
+proptest! {
+    /// Whatever happens, and whenever the controller is reset: a fault that held is there until a command has cleared it.
+    #[test]
+    fn resets_at_any_moment_keep_the_latch(inputs in prop::collection::vec((input(), any::<bool>()), 1..200)) {
+        let config = example(288, 240, Direction::CounterClockwise);
+        let mut controller = Controller::new(config).unwrap();
+        let (mut now, mut held) = (0u64, None);
+        for ((wait, input), reset) in inputs {
+            if reset {
+                let log = FaultLog::from_bytes(&controller.faults().to_bytes());
+                controller = Controller::after_reset(config, log).unwrap();
+            }
+            now += wait;
+            let output = controller.step(Nanos(now), input);
+            prop_assert_eq!(output.fault.is_some(), output.state == State::Fault);
+            if held.is_some() && output.fault != held {
+                prop_assert_eq!(input, Input::Command(Command::ClearFault));
+                prop_assert_eq!(output.state, State::Idle);
+            }
+            held = output.fault;
+        }
+    }
 }
 
 proptest! {

@@ -9,13 +9,13 @@ use core::f32::consts::TAU;
 use heapless::Vec;
 use protocol::codec::ImageSize;
 use protocol::message::{
-    Ack, BeginTurn, Command, Configure, EndTurn, Fault, Hello, HelloReply, Message, Nack, PlaneData, Reason, SCHEMA,
-    State, Status, VERSION,
+    Ack, BeginTurn, Command, Configure, EndTurn, Fault, Faults, Hello, HelloReply, Message, Nack, PlaneData, Reason,
+    SCHEMA, State, Status, VERSION,
 };
 use protocol::packet::Counts;
 use protocol::timing::Rotation;
 
-/// No message to the host is longer on the wire, in bytes: Status, the longest, has 64 bytes of payload.
+/// No message to the host is longer on the wire, in bytes: Status and Faults, the longest, have 64 bytes of payload.
 pub const ANSWER_BYTES_MAX: usize = 96;
 
 /// Finished turns that are kept: more than any store holds.
@@ -93,6 +93,8 @@ pub struct Conversation<S> {
     last: Option<u32>,
     /// The last order's sequence number: an order is carried out once, however often its packet comes.
     last_order: Option<u32>,
+    /// What the host of this connection was told last.
+    told: Option<Faults>,
     counters: Counters,
 }
 
@@ -107,6 +109,7 @@ impl<S: PlaneStore> Conversation<S> {
             finished: Vec::new(),
             last: None,
             last_order: None,
+            told: None,
             counters: Counters::default(),
         }
     }
@@ -144,7 +147,7 @@ impl<S: PlaneStore> Conversation<S> {
     pub fn disconnect(&mut self) {
         self.connected = false;
         self.abandon();
-        (self.last, self.last_order) = (None, None);
+        (self.last, self.last_order, self.told) = (None, None, None);
     }
 
     /// Answers the packet `sequence`. What it asks of the controller, if anything, comes with the answer.
@@ -185,6 +188,13 @@ impl<S: PlaneStore> Conversation<S> {
             packets: packets.packets,
             packets_damaged: packets.damaged(),
         }
+    }
+
+    /// What the host is to be told of the controller's `faults`: all of it, where it does not know that yet.
+    pub fn tell(&mut self, faults: Faults) -> Option<Faults> {
+        let news = Some(faults).filter(|faults| self.told != Some(*faults));
+        self.told = Some(faults);
+        news
     }
 
     fn abandon(&mut self) {

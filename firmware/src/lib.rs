@@ -14,6 +14,7 @@ pub mod controller;
 pub mod conversation;
 pub mod covariance;
 pub mod drive;
+pub mod fault_log;
 pub mod frames;
 pub mod lockstep;
 pub mod plane_run;

@@ -2,8 +2,9 @@
 
 use crate::angle::nanos_to_f32;
 use crate::config::Limits;
+use crate::fault_log::{Cause, FaultLog};
 use core::f32::consts::TAU;
-use protocol::message::{Command, Fault, State};
+use protocol::message::{Command, Fault, Quantity, State};
 use protocol::units::Nanos;
 
 /// What safety judges, once a control tick.
@@ -70,7 +71,7 @@ pub struct Levels {
 pub struct Safety {
     limits: Limits,
     state: State,
-    fault: Option<Fault>,
+    log: FaultLog,
     levels: Levels,
     entered: Nanos,
     driven_since: Nanos,
@@ -110,12 +111,12 @@ const STALL: Nanos = Nanos(1_000_000_000);
 const SERVICE_MAX_MS: u32 = 60_000;
 
 impl Safety {
-    /// Idle.
-    pub fn new(limits: Limits) -> Self {
+    /// Idle, or in the fault that `log` holds.
+    pub fn new(limits: Limits, log: FaultLog) -> Self {
         Self {
             limits,
-            state: State::Idle,
-            fault: None,
+            state: if log.latched().is_some() { State::Fault } else { State::Idle },
+            log,
             levels: Levels::default(),
             entered: Nanos::ZERO,
             driven_since: Nanos::ZERO,
@@ -137,7 +138,12 @@ impl Safety {
 
     /// Why it is [`State::Fault`], if it is.
     pub fn fault(&self) -> Option<Fault> {
-        self.fault
+        self.log.latched()
+    }
+
+    /// Faults so far, also of before a reset.
+    pub fn log(&self) -> &FaultLog {
+        &self.log
     }
 
     /// Whether the mirror may be driven.
@@ -151,8 +157,8 @@ impl Safety {
     }
 
     /// Stops for `fault`; the first one stays until it is cleared.
-    pub fn stop_for(&mut self, now: Nanos, fault: Fault) {
-        self.fault.get_or_insert(fault);
+    pub fn stop_for(&mut self, now: Nanos, fault: Fault, cause: Cause) {
+        self.log.latch(fault, cause, now);
         self.enter(now, State::Fault);
     }
 
@@ -160,9 +166,9 @@ impl Safety {
     pub fn levels(&mut self, now: Nanos, levels: Levels) {
         self.levels = levels;
         if levels.emergency_stop {
-            self.stop_for(now, Fault::EmergencyStop);
+            self.stop_for(now, Fault::EmergencyStop, Cause::LEVEL);
         } else if levels.guard_open {
-            self.stop_for(now, Fault::GuardOpen);
+            self.stop_for(now, Fault::GuardOpen, Cause::LEVEL);
         }
     }
 
@@ -180,7 +186,7 @@ impl Safety {
                 self.enter(now, State::Service);
             }
             (Command::ClearFault, State::Fault) if self.levels == Levels::default() => {
-                self.fault = None;
+                self.log.clear();
                 self.enter(now, State::Idle);
             }
             _ => {}
@@ -201,8 +207,8 @@ impl Safety {
         if !self.may_drive() {
             return;
         }
-        if let Some(fault) = self.find_fault(now, conditions) {
-            self.stop_for(now, fault);
+        if let Some((fault, cause)) = self.find_fault(now, conditions) {
+            self.stop_for(now, fault, cause);
             return;
         }
         self.follow_lock(now, conditions);
@@ -223,35 +229,40 @@ impl Safety {
         }
     }
 
-    fn find_fault(&mut self, now: Nanos, conditions: &Conditions) -> Option<Fault> {
+    fn find_fault(&mut self, now: Nanos, conditions: &Conditions) -> Option<(Fault, Cause)> {
         let fast = conditions.speeds_rad_s.iter().any(|speed| speed.abs() > self.limits.speed_max_rad_s);
         // A window of wrong counts lasts 32 ticks; a mirror that is too fast stays so for longer.
         self.fast_ticks = if fast { self.fast_ticks + 1 } else { 0 };
         if self.fast_ticks > 40 {
-            return Some(Fault::Overspeed);
+            let value = conditions.speeds_rad_s.iter().fold(0.0, |most: f32, speed| most.max(speed.abs()));
+            let cause = Cause { quantity: Quantity::Speed, value, limit: self.limits.speed_max_rad_s };
+            return Some((Fault::Overspeed, cause));
         }
         let still = conditions.torque_share.abs() > 0.3 && !conditions.moving;
         self.still_since = still.then(|| self.still_since.unwrap_or(now));
-        if self.still_since.is_some_and(|since| now - since > STALL) {
-            return Some(Fault::Stall);
+        if let Some(since) = self.still_since.filter(|since| now - *since > STALL) {
+            return Some((Fault::Stall, Cause::time(now - since, STALL)));
         }
         let index_silent = conditions.turns_since_index > TURNS_TO_HOLDOVER;
         if conditions.encoder_silent && index_silent {
-            return Some(Fault::SensorLost);
+            let value = conditions.turns_since_index;
+            return Some((Fault::SensorLost, Cause { quantity: Quantity::Turns, value, limit: TURNS_TO_HOLDOVER }));
         }
         let waiting = self.state == State::SpinUp || self.state == State::Acquire;
-        let waited = now - self.entered > self.limits.holdover;
-        if waited && !waiting && self.state == State::Holdover {
+        let (held, driven) = (now - self.entered, now - self.driven_since);
+        if held > self.limits.holdover && self.state == State::Holdover {
             let projector = conditions.frames_missing >= FRAMES_TO_HOLDOVER || !conditions.clock_known;
-            return Some(if projector { Fault::ProjectorLost } else { Fault::SensorLost });
+            let fault = if projector { Fault::ProjectorLost } else { Fault::SensorLost };
+            return Some((fault, Cause::time(held, self.limits.holdover)));
         }
-        if waiting && now - self.driven_since > self.limits.lock {
+        if waiting && driven > self.limits.lock {
             let silent = conditions.encoder_silent || index_silent;
-            return Some(match conditions.clock_known {
+            let fault = match conditions.clock_known {
                 false => Fault::ProjectorLost,
                 true if silent => Fault::SensorLost,
                 true => Fault::LockTimeout,
-            });
+            };
+            return Some((fault, Cause::time(driven, self.limits.lock)));
         }
         None
     }

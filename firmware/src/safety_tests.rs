@@ -34,7 +34,7 @@ impl Bench {
     fn new() -> Self {
         let mut limits = example(288, 240, Direction::Clockwise).limits;
         limits.speed_max_rad_s = 180.0;
-        Self { safety: Safety::new(limits), now: Nanos::ZERO }
+        Self { safety: Safety::new(limits, FaultLog::default()), now: Nanos::ZERO }
     }
 
     fn locked() -> Self {
@@ -185,6 +185,25 @@ fn a_fault_is_latched_with_its_first_cause() {
     assert_eq!(bench.safety.state(), State::Fault);
     bench.safety.command(bench.now, Command::ClearFault, true);
     assert_eq!((bench.safety.state(), bench.safety.fault()), (State::Idle, None));
+}
+
+#[test]
+fn a_fault_tells_what_was_measured_and_what_is_allowed() {
+    let cause_of = |seconds, conditions| {
+        let mut bench = Bench::locked();
+        bench.run(seconds, conditions);
+        let faults = bench.safety.log().faults();
+        assert_eq!(faults.latched.map(|fault| faults.count(fault)), Some(1));
+        (faults.quantity, faults.value_micro, faults.limit_micro)
+    };
+    let fast = Conditions { speeds_rad_s: [125.0, -190.0], ..well() };
+    assert_eq!(cause_of(0.1, fast), (Quantity::Speed, 190_000_000, 180_000_000));
+    let stalled = Conditions { moving: false, torque_share: 0.9, ..well() };
+    assert_eq!(cause_of(1.1, stalled), (Quantity::Time, 1_000_250, 1_000_000));
+    let blind = Conditions { encoder_silent: true, turns_since_index: 3.0, ..well() };
+    assert_eq!(cause_of(0.001, blind), (Quantity::Turns, 3_000_000, 2_500_000));
+    let (quantity, value, limit) = cause_of(11.0, Conditions { frames_missing: 3, ..well() });
+    assert!(quantity == Quantity::Time && value > limit && limit == 10_000_000);
 }
 
 #[test]

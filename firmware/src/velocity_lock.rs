@@ -54,9 +54,6 @@ pub struct VelocityLock {
     swings: u32,
 }
 
-/// Bandwidth of the feedback. Six hertz is slow against the millisecond of delay, and fast against what the model leaves out.
-const BANDWIDTH_RAD_S: f32 = 38.0;
-const DAMPING: f32 = 0.9;
 /// Shares of the torque limit: of a rush, of a planned way, the rest being for feedback.
 const RUSH_SHARE: f32 = 0.98;
 const PLAN_SHARE: f32 = 0.97;
@@ -96,8 +93,8 @@ impl VelocityLock {
             frames: Frames::of(&config.rotation),
             slice_rad: config.slice_rad(),
             tick_s: 1.0 / config.control_rate_hz,
-            gain_error: BANDWIDTH_RAD_S * BANDWIDTH_RAD_S,
-            gain_rate: 2.0 * DAMPING * BANDWIDTH_RAD_S,
+            gain_error: config.gains.bandwidth_rad_s * config.gains.bandwidth_rad_s,
+            gain_rate: 2.0 * config.gains.damping * config.gains.bandwidth_rad_s,
             phase: Phase::Off,
             slot: 0,
             error: 0.0,

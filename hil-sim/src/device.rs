@@ -7,7 +7,7 @@ use crate::frame_store::MemoryStore;
 use firmware::conversation::{ANSWER_BYTES_MAX, Conversation};
 pub use firmware::conversation::{Counters, Report, Request as Input};
 pub use firmware::plane_store::{Plane, TurnHandle};
-use protocol::message::{Message, Reason};
+use protocol::message::{Faults, Message, Reason};
 use protocol::packet::{Counts, Decoder, PACKET_BYTES_MAX, encode};
 use std::collections::VecDeque;
 
@@ -35,6 +35,7 @@ pub struct Device {
     outgoing: Vec<u8>,
     sequence: u32,
     report: Option<Report>,
+    faults: Option<Faults>,
 }
 
 impl Device {
@@ -56,6 +57,11 @@ impl Device {
     /// Sends a status with the next [`transmit`](Endpoint::transmit). A report that was not sent yet is replaced.
     pub fn report(&mut self, report: Report) {
         self.report = Some(report);
+    }
+
+    /// What the controller remembers of its faults. Sent with the next status after a hello, and then where it has changed.
+    pub fn faults(&mut self, faults: Faults) {
+        self.faults = Some(faults);
     }
 
     /// The link was lost: an unfinished turn is abandoned, and a hello must come first. What is on screen stays.
@@ -112,6 +118,9 @@ impl Endpoint for Device {
         if let Some(report) = self.report.take().filter(|_| self.conversation.is_connected()) {
             let status = self.conversation.status(&report, self.packets());
             self.send(&status.into());
+            if let Some(faults) = self.faults.and_then(|faults| self.conversation.tell(faults)) {
+                self.send(&faults.into());
+            }
         }
         std::mem::take(&mut self.outgoing)
     }

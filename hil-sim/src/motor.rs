@@ -1,11 +1,12 @@
 //! A motor with its sensors and the projector's clock, as described by a file in `motors/`.
 
 use crate::check::{Range, ValueError};
-use firmware::config::{ClockFigures, Config, Limits, MotorFigures, SensorFigures};
+use firmware::config::{ClockFigures, Config, Gains, Limits, MotorFigures, SensorFigures};
 use protocol::rig::toml_problem;
 use protocol::timing::Rotation;
 use protocol::units::Nanos;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
 use thiserror::Error;
 
 /// Everything about a motor that the simulator knows and the firmware mostly does not.
@@ -105,6 +106,20 @@ pub struct ProjectorClock {
 pub struct ControlTimer {
     /// Torque commands a second.
     pub rate_hz: f64,
+    /// Natural frequency of the loop; without it the firmware's own.
+    #[serde(default = "default_bandwidth_hz")]
+    pub bandwidth_hz: f64,
+    /// The loop's damping ratio; without it the firmware's own.
+    #[serde(default = "default_damping")]
+    pub damping: f64,
+}
+
+fn default_bandwidth_hz() -> f64 {
+    f64::from(Gains::default().bandwidth_rad_s) / TAU
+}
+
+fn default_damping() -> f64 {
+    f64::from(Gains::default().damping)
 }
 
 /// Why a motor file is refused.
@@ -129,6 +144,11 @@ impl Motor {
         let motor: Self = toml::from_str(text).map_err(|error| MotorError::Syntax(toml_problem(text, &error)))?;
         motor.check()?;
         Ok(motor)
+    }
+
+    /// A file that [`Motor::from_toml`] reads.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("numbers and names in tables")
     }
 
     fn check(&self) -> Result<(), ValueError> {
@@ -162,6 +182,8 @@ impl Motor {
             ("projector_clock.wander_ppm_per_sqrt_s", clock.wander_ppm_per_sqrt_s, Range { least: 0.0, most: 1e3 }),
             ("projector_clock.frame_jitter_us", clock.frame_jitter_us, Range { least: 0.0, most: 100.0 }),
             ("controller.rate_hz", self.controller.rate_hz, Range { least: 500.0, most: 1e5 }),
+            ("controller.bandwidth_hz", self.controller.bandwidth_hz, Range { least: 0.1, most: 1e3 }),
+            ("controller.damping", self.controller.damping, Range { least: 0.1, most: 10.0 }),
         ] {
             range.check(key, value)?;
         }
@@ -186,6 +208,10 @@ impl Motor {
                 air_drag_nm_s2: plant.air_drag_nm_s2 as f32,
                 command_delay: Nanos((plant.command_delay_us * 1e3) as u64),
                 torque_bandwidth_hz: plant.torque_loop_bandwidth_hz as f32,
+            },
+            gains: Gains {
+                bandwidth_rad_s: (self.controller.bandwidth_hz * TAU) as f32,
+                damping: self.controller.damping as f32,
             },
             sensors: SensorFigures {
                 encoder_counts_per_turn: sensors.encoder_counts_per_turn,
@@ -213,6 +239,8 @@ impl Motor {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use protocol::timing::Direction;
+    use protocol::units::Turns;
 
     const REFERENCE: &str = include_str!("../motors/reference.toml");
 
@@ -221,6 +249,9 @@ mod tests {
         let motor = Motor::reference();
         assert_eq!(motor.plant.cogging[1], Cogging { torque_nm: 0.004, per_turn: 24 });
         assert_eq!(motor.controller.rate_hz, 4_000.0);
+        assert_eq!(Motor::from_toml(&motor.to_toml()).unwrap(), motor);
+        let rotation = Rotation::new(288, 24, 240_000_000, Turns::ZERO, Direction::Clockwise).unwrap();
+        assert_eq!(motor.firmware_config(&rotation, Nanos::ZERO).gains, Gains::default());
     }
 
     #[test]

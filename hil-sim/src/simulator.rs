@@ -140,6 +140,7 @@ impl Endpoint for Simulator {
         if self.world.now() >= self.report_at {
             self.report_at = self.world.now() + Nanos::from_seconds(REPORT_S);
             self.device.report(self.report());
+            self.device.faults(self.world.faults());
         }
         self.device.transmit()
     }

@@ -13,6 +13,7 @@ use crate::sensors::{Encoder, Index};
 use crate::statistics::Collector;
 use firmware::config::ConfigError;
 use firmware::controller::{Controller, Estimates, Input, Output};
+use firmware::fault_log::FaultLog;
 use firmware::plane_store::{Plane, TurnHandle};
 use firmware::safety::Levels;
 use protocol::message::State;
@@ -29,6 +30,11 @@ pub trait Core {
 
     /// What it believes.
     fn estimates(&self) -> Estimates;
+
+    /// Its faults so far; of one that does not tell, none.
+    fn faults(&self) -> FaultLog {
+        FaultLog::default()
+    }
 }
 
 impl Core for Controller {
@@ -38,6 +44,10 @@ impl Core for Controller {
 
     fn estimates(&self) -> Estimates {
         Controller::estimates(self)
+    }
+
+    fn faults(&self) -> FaultLog {
+        *Controller::faults(self)
     }
 }
 

@@ -258,9 +258,33 @@ fn a_stop_is_dark_and_without_torque() {
 }
 
 #[test]
+fn safety_inputs_and_doubt_are_dark_within_a_plane() {
+    // At once; a pulse that is missing shows when the next one comes.
+    for (action, planes) in [
+        (Action::EmergencyStop, 0.0),
+        (Action::GuardOpened, 0.0),
+        (Action::ExtraPlanePulse, 1.0),
+        (Action::LosePlanePulses { count: 1 }, 2.0),
+    ] {
+        let mut world = run(&started(action), 19, 2.99);
+        world.record(Recording { flashes_max: 1_000, ..Recording::default() });
+        play(&mut world, 0.011);
+        let flashes = world.take_flashes();
+        let last = flashes.last().unwrap().end.seconds();
+        assert!(last > 2.9998, "{action:?}: dark too early, at {last}");
+        let jitter_s = 2e-5;
+        assert!(last <= 3.0 + planes / 5_760.0 + jitter_s, "{action:?}: lit until {last}");
+    }
+}
+
+#[test]
 fn a_control_timer_that_stops_is_a_fault() {
     let world = run(&started(Action::NoControlTicks { seconds: 0.1 }), 16, 4.0);
     assert_eq!(world.fault(), Some(Fault::Watchdog));
+    let faults = world.faults();
+    assert_eq!((faults.latched, faults.count(Fault::Watchdog), faults.limit_micro), (world.fault(), 1, 5_000));
+    // Something comes with every plane: the watchdog is no more than one late.
+    assert!((5_000..5_000 + 180).contains(&faults.value_micro), "{faults:?}");
     assert!(world.statistics().verdict.is_clean());
 }
 

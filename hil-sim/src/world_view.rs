@@ -5,7 +5,7 @@ use crate::checkers::Flash;
 use crate::statistics::LockStatistics;
 use firmware::controller::Estimates;
 use firmware::plane_store::TurnHandle;
-use protocol::message::{Fault, State};
+use protocol::message::{Fault, Faults, State};
 use protocol::timing::Rotation;
 use protocol::units::Nanos;
 
@@ -43,6 +43,11 @@ impl World {
     /// Why the controller stopped.
     pub fn fault(&self) -> Option<Fault> {
         self.output.fault
+    }
+
+    /// Faults so far, with what was measured.
+    pub fn faults(&self) -> Faults {
+        self.core.faults().faults()
     }
 
     /// What the controller believes.

@@ -33,10 +33,12 @@ pub fn is_ours(name: &str) -> bool {
         number.is_some_and(|number| !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()))
     };
     let chart = ["chart.svg", "chart.png", "chart.csv", "chart.json", "summary.md"];
+    let lock_chart = ["lock-chart.svg", "lock-chart.png", "lock-chart.json"];
     let bench = ["bench.svg", "bench.png", "bench.txt", "bench.json"];
     matches!(name, "rotation.json" | "report.json" | "eyes.png" | "orbit.gif" | "slices.png" | "lock.png")
         || chart.contains(&name)
         || bench.contains(&name)
+        || lock_chart.contains(&name)
         || numbered("frame_")
         || numbered("slice_")
 }
@@ -55,7 +57,7 @@ fn foreign(folder: &Path) -> io::Result<Vec<OsString>> {
 
 /// Whether praxi wrote a result into `folder`: its note says so.
 fn is_result(folder: &Path) -> bool {
-    ["rotation.json", "report.json", "chart.json", "bench.json"].iter().any(|note| {
+    ["rotation.json", "report.json", "chart.json", "bench.json", "lock-chart.json"].iter().any(|note| {
         let text = input::read_text(&folder.join(note)).unwrap_or_default();
         serde_json::from_str(&text).is_ok_and(|note: serde_json::Value| note["program"] == "praxi")
     })

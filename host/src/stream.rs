@@ -4,8 +4,8 @@ use crate::link::{Link, LinkError};
 use conversation::{Answer, Conversation};
 use protocol::codec::{ImageSize, compress, plane_check, turn_check};
 use protocol::message::{
-    BeginTurn, Command, Configure, Control, EndTurn, Hello, Message, PLANE_PART_BYTES, PlaneData, Reason, SCHEMA,
-    State, Status, VERSION,
+    BeginTurn, Command, Configure, Control, EndTurn, Faults, Hello, Message, PLANE_PART_BYTES, PlaneData, Reason,
+    SCHEMA, State, Status, VERSION,
 };
 use protocol::packet::PacketError;
 use protocol::timing::Rotation;
@@ -213,6 +213,11 @@ impl<L: Link> Stream<L> {
     /// The latest status that came.
     pub fn status(&self) -> Option<&Status> {
         self.conversation.status.as_ref()
+    }
+
+    /// What the device remembers of its faults, if it has told.
+    pub fn faults(&self) -> Option<&Faults> {
+        self.conversation.faults.as_ref()
     }
 
     /// What went over the wire so far.

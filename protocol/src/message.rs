@@ -14,7 +14,7 @@ use thiserror::Error;
 mod words;
 
 use words::VOCABULARY;
-pub use words::{Command, Fault, Reason, State};
+pub use words::{Command, Fault, Quantity, Reason, State};
 
 /// The version of this protocol: counts up where the meaning of a message changes and its form does not.
 pub const VERSION: u16 = 1;
@@ -231,6 +231,48 @@ wire! {
         packets: u32,
         /// Packets that arrived damaged.
         packets_damaged: u32,
+    }
+    /// Faults, also of before a reset; unasked, after a hello and where something changed.
+    0x0b Faults to Host, at most 64; {
+        /// The fault that stays until [`Command::ClearFault`].
+        latched: Option<Fault>,
+        /// What was measured when the last fault was found.
+        quantity: Quantity,
+        /// The value that was measured, in 10⁻⁶ of its unit.
+        value_micro: u64,
+        /// The value that is allowed, in 10⁻⁶ of its unit.
+        limit_micro: u64,
+        /// When, in microseconds since the controller was switched on.
+        at_us: u64,
+        /// How often each of [`Fault::ALL`] was latched; stops at the largest number.
+        counts: [u16; 9],
+    }
+}
+
+impl Faults {
+    /// What was measured and what is allowed, for people; empty for a level.
+    pub fn cause(&self) -> impl core::fmt::Display + use<> {
+        Cause(*self)
+    }
+
+    /// How often `fault` was latched.
+    pub fn count(&self, fault: Fault) -> u16 {
+        self.counts[usize::from(fault.code())]
+    }
+}
+
+/// Prints a cause.
+struct Cause(Faults);
+
+impl core::fmt::Display for Cause {
+    fn fmt(&self, formatter: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Faults { quantity, value_micro, limit_micro, .. } = self.0;
+        if quantity == Quantity::Level {
+            return Ok(());
+        }
+        let unit = quantity.unit();
+        let [value, limit] = [value_micro, limit_micro].map(|micro| micro as f64 * 1e-6);
+        write!(formatter, "{value:.4} {unit} where {limit:.4} {unit} are allowed")
     }
 }
 

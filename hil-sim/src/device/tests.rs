@@ -1,11 +1,12 @@
 use super::*;
+use firmware::fault_log::{Cause, FaultLog};
 use proptest::prelude::*;
 use protocol::codec::{ImageSize, compress, plane_check, turn_check};
 use protocol::message::{Ack, BeginTurn, Configure, Control, EndTurn, Hello, HelloReply, Message, Nack};
-use protocol::message::{Command, PlaneData, SCHEMA, State, VERSION};
+use protocol::message::{Command, Fault, PlaneData, SCHEMA, State, VERSION};
 use protocol::packet::{FRAME_BYTES_MAX, encode};
 use protocol::timing::{Direction, Rotation};
-use protocol::units::Turns;
+use protocol::units::{Nanos, Turns};
 
 const SLICES: u32 = 24;
 const HELLO: Hello = Hello { version: VERSION, schema: SCHEMA };
@@ -175,6 +176,32 @@ fn a_status_names_the_turn_on_screen() {
     assert_eq!((status.state, status.turn_on_screen, status.turns_received), (State::Locked, Some(41), 1));
     assert_eq!((status.packets, status.packets_damaged), (SLICES + 4, 1));
     assert_eq!(device.transmit(), []);
+}
+
+#[test]
+fn faults_are_told_after_a_hello_and_where_they_change() {
+    let mut device = ready();
+    let told = |device: &mut Device| {
+        device.report(Report::default());
+        let bytes = device.transmit();
+        let (mut decoder, mut bytes) = (Decoder::<PACKET_BYTES_MAX>::new(), bytes.as_slice());
+        let mut faults = Vec::new();
+        while let Some(packet) = decoder.next(&mut bytes) {
+            if let Ok(Message::Faults(told)) = packet.unwrap().message() {
+                faults.push(told);
+            }
+        }
+        faults
+    };
+    let mut log = FaultLog::default();
+    device.faults(log.faults());
+    assert_eq!(told(&mut device), [log.faults()]);
+    assert_eq!(told(&mut device), []);
+    log.latch(Fault::Stall, Cause::LEVEL, Nanos(1));
+    device.faults(log.faults());
+    assert_eq!(told(&mut device), [log.faults()]);
+    device.receive(&frame(90, HELLO));
+    assert_eq!(told(&mut device), [log.faults()]);
 }
 
 proptest! {

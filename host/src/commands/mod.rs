@@ -6,6 +6,7 @@ mod bench;
 mod chart;
 mod compare;
 mod demo;
+mod lock_chart;
 mod plan;
 mod project;
 mod render;
@@ -13,6 +14,7 @@ mod rig;
 mod see;
 mod sim;
 mod truth;
+mod tune;
 
 use crate::output;
 use clap::error::ErrorKind;
@@ -37,12 +39,14 @@ enum Command {
     See(see::Args),
     Plan(plan::Args),
     Chart(chart::Args),
+    LockChart(lock_chart::Args),
     Bench(bench::Args),
     Truth(truth::Args),
     Compare(compare::Args),
     Project(project::Args),
     Rig(rig::Args),
     Sim(sim::Args),
+    Tune(tune::Args),
 }
 
 /// What is printed on one line before exit code 2: what, where, what is allowed.
@@ -72,6 +76,7 @@ pub fn main() -> ExitCode {
         Command::Bake(args) => bake::run(&args),
         Command::See(args) => see::run(&args),
         Command::Chart(args) => chart::run(&args),
+        Command::LockChart(args) => lock_chart::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Truth(args) => truth::run(&args),
@@ -79,6 +84,7 @@ pub fn main() -> ExitCode {
         Command::Project(args) => project::run(&args),
         Command::Rig(args) => rig::run(&args),
         Command::Sim(args) => sim::run(&args),
+        Command::Tune(args) => tune::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -9,12 +9,14 @@ use hil_sim::motor::Motor;
 use hil_sim::scenario::Scenario;
 use hil_sim::statistics::LockStatistics;
 use hil_sim::world::{World, repeat_command};
+use protocol::message::{Fault, Faults};
 use protocol::units::Nanos;
 use serde_json::{Value, json};
 use std::fmt::Display;
 use std::path::Path;
 
-const REFERENCE_MOTOR: &str = "reference";
+/// The name of the motor that comes with the simulator.
+pub(super) const REFERENCE_MOTOR: &str = "reference";
 
 /// Simulate motor, lock and sequencing, without pixels, and say how well the mirror keeps step
 #[derive(clap::Args)]
@@ -49,10 +51,7 @@ fn seconds(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let rig = rigs::find(&args.rig)?;
-    let motor = match args.motor.as_str() {
-        REFERENCE_MOTOR => Motor::reference(),
-        file => load(file, "reference", Motor::from_toml)?,
-    };
+    let motor = find_motor(&args.motor)?;
     let scenario = match Scenario::built_in(&args.scenario) {
         Some(scenario) => scenario,
         None => load(&args.scenario, &Scenario::BUILT_IN.join(", "), Scenario::from_toml)?,
@@ -63,9 +62,11 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     keep_step(&mut world, args.seconds);
     let statistics = world.statistics();
     if args.json {
-        say_json(&as_json(&statistics));
+        let mut value = as_json(&statistics);
+        value["fault_log"] = faults_as_json(&world.faults());
+        say_json(&value);
     } else {
-        say(as_text(&statistics));
+        say(as_text(&statistics, &world.faults()));
     }
     let verdict = &statistics.verdict;
     if verdict.is_clean() {
@@ -74,6 +75,14 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let first = verdict.first.as_deref().unwrap_or("a checker failed");
     let repeat = repeat_command(&args.rig, &args.motor, &args.scenario, args.seconds, args.seed);
     Err(Failure(format!("{first}; repeat with: {repeat}")))
+}
+
+/// The motor of this name, or of this file.
+pub(super) fn find_motor(name: &str) -> Result<Motor, Failure> {
+    match name {
+        REFERENCE_MOTOR => Ok(Motor::reference()),
+        file => load(file, REFERENCE_MOTOR, Motor::from_toml),
+    }
 }
 
 fn load<T, E: Display>(file: &str, names: &str, parse: impl Fn(&str) -> Result<T, E>) -> Result<T, Failure> {
@@ -124,7 +133,30 @@ pub(super) fn as_json(statistics: &LockStatistics) -> Value {
     value
 }
 
-fn as_text(statistics: &LockStatistics) -> String {
+/// What the controller would remember after a reset.
+fn faults_as_json(faults: &Faults) -> Value {
+    let counted = Fault::ALL.iter().filter(|fault| faults.count(**fault) > 0);
+    json!({
+        "latched": faults.latched,
+        "counts": counted.map(|fault| (format!("{fault:?}"), json!(faults.count(*fault)))).collect::<serde_json::Map<_, _>>(),
+        "last": { "at_s": faults.at_us as f64 * 1e-6, "cause": faults.cause().to_string() },
+    })
+}
+
+fn faults_as_text(faults: &Faults) -> Vec<String> {
+    let holds = |fault: &Fault| if faults.latched == Some(*fault) { ", and holds" } else { "" };
+    let counted = Fault::ALL.iter().filter(|fault| faults.count(**fault) > 0);
+    let mut lines: Vec<String> = counted
+        .map(|fault| format!("fault {:<7} {} x {fault}{}", fault.code(), faults.count(*fault), holds(fault)))
+        .collect();
+    let cause = faults.cause().to_string();
+    if !lines.is_empty() && !cause.is_empty() {
+        lines.push(format!("last cause    {cause}, at {:.3} s", faults.at_us as f64 * 1e-6));
+    }
+    lines
+}
+
+fn as_text(statistics: &LockStatistics, faults: &Faults) -> String {
     let LockStatistics { rms_slices, p99_slices, peak_slices, rms_us, p99_us, peak_us, verdict, .. } = statistics;
     let locked = statistics.locked_seconds > 0.0;
     let mut lines = vec![
@@ -159,5 +191,6 @@ fn as_text(statistics: &LockStatistics) -> String {
     for (at, fault) in &statistics.faults {
         lines.push(format!("at {at:>7.3} s  fault: {fault}"));
     }
+    lines.extend(faults_as_text(faults));
     lines.join("\n")
 }

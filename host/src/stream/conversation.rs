@@ -2,7 +2,7 @@
 
 use super::{Sent, Statistics, StreamError};
 use crate::link::Link;
-use protocol::message::{Ack, HelloReply, Message, Nack, Reason, Status};
+use protocol::message::{Ack, Faults, HelloReply, Message, Nack, Reason, Status};
 use protocol::packet::{Decoder, FRAME_BYTES_MAX, PACKET_BYTES_MAX, encode};
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -31,6 +31,7 @@ pub(super) struct Conversation<L> {
     pub(super) answers: VecDeque<(u32, Answer)>,
     sequence: u32,
     pub(super) status: Option<Status>,
+    pub(super) faults: Option<Faults>,
     pub(super) statistics: Statistics,
 }
 
@@ -46,6 +47,7 @@ impl<L: Link> Conversation<L> {
             answers: VecDeque::new(),
             sequence,
             status: None,
+            faults: None,
             statistics: Statistics::default(),
         }
     }
@@ -160,6 +162,7 @@ impl<L: Link> Conversation<L> {
                     self.answers.push_back((answers, Answer::Hello { version, schema }))
                 }
                 Some(Message::Status(status)) => self.status = Some(status),
+                Some(Message::Faults(faults)) => self.faults = Some(faults),
                 // Damaged, or not for a host: whoever waits for it asks again.
                 _ => {}
             }

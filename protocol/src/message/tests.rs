@@ -34,6 +34,14 @@ fn longest() -> Vec<Message<'static>> {
         packets: turn,
         packets_damaged: turn,
     };
+    let faults = Faults {
+        latched: Some(Fault::Unknown),
+        quantity: Quantity::Turns,
+        value_micro: check,
+        limit_micro: check,
+        at_us: check,
+        counts: [slice; Fault::ALL.len()],
+    };
     vec![
         Hello { version: slice, schema: check }.into(),
         HelloReply { answers: turn, version: slice, schema: check }.into(),
@@ -45,6 +53,7 @@ fn longest() -> Vec<Message<'static>> {
         Ack { answers: turn }.into(),
         Nack { answers: turn, reason: Reason::TurnDamaged }.into(),
         status.into(),
+        faults.into(),
     ]
 }
 
@@ -58,6 +67,27 @@ fn every_message_fits_its_row_and_comes_back() {
         assert!(payload.len() <= entry.bytes_max, "{}: {} bytes", entry.name, payload.len());
         assert_eq!(Message::decode(entry.id, &payload), Ok(*message));
     }
+}
+
+#[test]
+fn codes_are_places_in_the_lists() {
+    assert!(Fault::ALL.iter().enumerate().all(|(place, fault)| usize::from(fault.code()) == place));
+    assert!(Quantity::ALL.iter().enumerate().all(|(place, quantity)| usize::from(quantity.code()) == place));
+}
+
+#[test]
+fn a_cause_has_its_units() {
+    let fast = Faults {
+        latched: Some(Fault::Overspeed),
+        quantity: Quantity::Speed,
+        value_micro: 190_300_000,
+        limit_micro: 188_500_000,
+        at_us: 1,
+        counts: [0, 0, 3, 0, 0, 0, 0, 0, 0],
+    };
+    assert_eq!(fast.cause().to_string(), "190.3000 rad/s where 188.5000 rad/s are allowed");
+    assert_eq!((fast.count(Fault::Overspeed), fast.count(Fault::Stall)), (3, 0));
+    assert_eq!(Faults { quantity: Quantity::Level, ..fast }.cause().to_string(), "");
 }
 
 #[test]

@@ -64,6 +64,23 @@ vocabulary! {
         LockTimeout,
         /// The control step was not called in time.
         Watchdog,
+        /// What was kept of earlier faults is damaged or was never written.
+        Unknown,
+    }
+
+    /// What was measured when a fault was found, and its unit.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+    #[repr(u8)]
+    pub enum Quantity {
+        /// An input's level or a record's state: 1 where 0 is allowed.
+        #[default]
+        Level,
+        /// Speed, rad/s.
+        Speed,
+        /// Time, seconds.
+        Time,
+        /// Turns of the mirror.
+        Turns,
     }
 
     /// What the host asks of the controller.
@@ -135,6 +152,46 @@ impl State {
     }
 }
 
+impl Fault {
+    /// Every fault, in the order of codes.
+    pub const ALL: [Self; 9] = [
+        Self::EmergencyStop,
+        Self::GuardOpen,
+        Self::Overspeed,
+        Self::Stall,
+        Self::SensorLost,
+        Self::ProjectorLost,
+        Self::LockTimeout,
+        Self::Watchdog,
+        Self::Unknown,
+    ];
+
+    /// The code, which no other fault ever gets.
+    pub const fn code(self) -> u8 {
+        self as u8
+    }
+}
+
+impl Quantity {
+    /// Every quantity, in the order of codes.
+    pub const ALL: [Self; 4] = [Self::Level, Self::Speed, Self::Time, Self::Turns];
+
+    /// The code, which no other quantity ever gets.
+    pub const fn code(self) -> u8 {
+        self as u8
+    }
+
+    /// The unit's symbol.
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Self::Level => "",
+            Self::Speed => "rad/s",
+            Self::Time => "s",
+            Self::Turns => "turns",
+        }
+    }
+}
+
 impl core::fmt::Display for Fault {
     fn fmt(&self, formatter: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         formatter.write_str(match self {
@@ -146,6 +203,7 @@ impl core::fmt::Display for Fault {
             Self::ProjectorLost => "no frame pulses arrived",
             Self::LockTimeout => "the mirror did not come into step in time",
             Self::Watchdog => "the control timer stopped",
+            Self::Unknown => "the record of faults is damaged",
         })
     }
 }

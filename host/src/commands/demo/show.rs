@@ -85,8 +85,9 @@ fn wait_for_lock(rig: &Rig, stream: &mut Stream<SimLink<Simulator>>) -> Result<(
                 return Ok(());
             }
             State::Fault => {
-                let cause = status.fault.map_or("no cause given".into(), |fault| fault.to_string());
-                return Err(Failure(format!("rig {}, with the reference motor, stopped: {cause}", rig.name)));
+                let fault = status.fault.map_or("no cause given".into(), |fault| fault.to_string());
+                let cause = stream.faults().map(|faults| faults.cause().to_string()).unwrap_or_default();
+                return Err(Failure(format!("rig {}, with the reference motor, stopped: {fault} {cause}", rig.name)));
             }
             _ => bar.set_position((f64::from(status.speed_microhertz) / rig.turns_per_second() / 1e4) as u64),
         }

@@ -1,0 +1,163 @@
+//! How fast the firmware's estimator follows, measured on itself.
+//!
+//! Beside a controller in step run two more of its estimators on the same counts, pulses and torques; one of them is told a little more torque than
+//! acts. What tells them apart is the estimator's answer to an acceleration `a` that it does not know, without the noise, which is the same
+//! in both. For an observer with gains l₁, l₂, l₃ the angles differ by x = a / D(s) with D = s³ + l₁ s² + l₂ s + l₃, so that the moments of x
+//! give the gains: ∫x = a / l₃, ∫t x = a l₂ / l₃², ∫t² x = 2 a (l₂² - l₁ l₃) / l₃³.
+
+use crate::loop_model::Observer;
+use crate::motor::Motor;
+use crate::scenario::Scenario;
+use crate::world::{Core, World};
+use firmware::actuator::Actuator;
+use firmware::angle::radians_between;
+use firmware::config::ConfigError;
+use firmware::controller::{Controller, Estimates, Input, Output};
+use firmware::rotation::RotationEstimator;
+use protocol::message::State;
+use protocol::timing::{Direction, Rotation};
+use protocol::units::Nanos;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// After this much time in step the estimator has settled, ns.
+const SETTLED_NS: u64 = 3_000_000_000;
+/// The answer is over after this, seconds.
+const ANSWER_S: f64 = 1.5;
+/// Counts fall in with ticks differently from seed to seed, and the estimator follows accordingly.
+const SEEDS: u64 = 8;
+/// The torque more, as a share of the limit: small against what makes the estimator doubt itself.
+const MORE: f32 = 1e-3;
+
+/// A controller with two estimators beside it.
+struct Probe {
+    controller: Controller,
+    actuator: Actuator,
+    sign: f32,
+    locked_since: Option<Nanos>,
+    twins: Option<[RotationEstimator; 2]>,
+    answer: Arc<Mutex<Vec<f64>>>,
+}
+
+impl Core for Probe {
+    fn step(&mut self, now: Nanos, input: Input) -> Output {
+        match input {
+            Input::Tick { encoder_count } => self.tick(now, encoder_count),
+            Input::IndexPulse { at } => self.twins.iter_mut().flatten().for_each(|twin| {
+                twin.index(at);
+            }),
+            _ => {}
+        }
+        let output = self.controller.step(now, input);
+        if let Input::Tick { .. } = input {
+            self.actuator.command(output.torque_nm * self.sign);
+        }
+        let locked = output.state == State::Locked;
+        self.locked_since = locked.then(|| self.locked_since.unwrap_or(now));
+        if self.twins.is_none() && self.locked_since.is_some_and(|since| (now - since).0 > SETTLED_NS) {
+            let estimator = self.controller.rotation();
+            self.twins = Some([estimator.clone(), estimator.clone()]);
+        }
+        output
+    }
+
+    fn estimates(&self) -> Estimates {
+        self.controller.estimates()
+    }
+}
+
+impl Probe {
+    fn tick(&mut self, now: Nanos, count: u32) {
+        let acted = self.actuator.advance();
+        let Some([plain, pushed]) = &mut self.twins else { return };
+        let more = MORE * self.controller.config().motor.torque_max_nm;
+        plain.tick(now, count, acted);
+        pushed.tick(now, count, acted + more);
+        let acceleration = f64::from(more * plain.acceleration_per_torque());
+        let apart = f64::from(radians_between(plain.angle(), pushed.angle()));
+        self.answer.lock().unwrap_or_else(PoisonError::into_inner).push(apart / acceleration);
+    }
+}
+
+/// The gains of the estimator in step with `rotation` on `motor`, from the mean answer over some seeds. `Ok(None)` where it does not lock, or
+/// follows in no way that three gains describe.
+pub fn measure(rotation: &Rotation, motor: &Motor) -> Result<Option<Observer>, ConfigError> {
+    let ticks = (ANSWER_S * motor.controller.rate_hz) as usize;
+    let mut mean = vec![0.0; ticks];
+    for seed in 0..SEEDS {
+        let answer = answer(rotation, motor, seed, ticks)?;
+        if answer.len() < ticks {
+            return Ok(None);
+        }
+        mean.iter_mut().zip(answer).for_each(|(mean, apart)| *mean += apart / SEEDS as f64);
+    }
+    Ok(gains(&mean, 1.0 / motor.controller.rate_hz))
+}
+
+/// What tells the twins apart, a sample a tick.
+fn answer(rotation: &Rotation, motor: &Motor, seed: u64, ticks: usize) -> Result<Vec<f64>, ConfigError> {
+    let controller = Controller::new(motor.firmware_config(rotation, Nanos::ZERO))?;
+    let answer = Arc::new(Mutex::new(Vec::new()));
+    let probe = Probe {
+        actuator: Actuator::new(controller.config()),
+        sign: if rotation.direction() == Direction::CounterClockwise { 1.0 } else { -1.0 },
+        controller,
+        locked_since: None,
+        twins: None,
+        answer: Arc::clone(&answer),
+    };
+    let mut world = World::with_core(rotation, Nanos::ZERO, motor, &Scenario::default(), seed, Box::new(probe));
+    let locked = || answer.lock().unwrap_or_else(PoisonError::into_inner);
+    world.advance_until(30.0, |_| locked().len() >= ticks);
+    let answer = std::mem::take(&mut *locked());
+    Ok(answer)
+}
+
+/// The gains from the answer to a unit acceleration, a sample a tick.
+fn gains(answer: &[f64], tick_s: f64) -> Option<Observer> {
+    let moment = |power: i32| -> f64 {
+        let weighted = answer.iter().enumerate().map(|(tick, apart)| apart * (tick as f64 * tick_s).powi(power));
+        weighted.sum::<f64>() * tick_s
+    };
+    let [zeroth, first, second] = [0, 1, 2].map(moment);
+    let disturbance = 1.0 / zeroth;
+    let speed = first * disturbance * disturbance;
+    let angle = speed * speed / disturbance - 0.5 * second * disturbance * disturbance;
+    let observer = Observer { angle, speed, disturbance };
+    // A polynomial of third degree with all roots on the left.
+    (disturbance > 0.0 && speed > 0.0 && angle * speed > disturbance).then_some(observer)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use protocol::units::Turns;
+
+    #[test]
+    fn the_gains_of_a_known_observer_come_back() {
+        let known = Observer { angle: 40.0, speed: 800.0, disturbance: 8_000.0 };
+        let tick_s = 1e-4;
+        let (mut state, mut answer) = ([0.0f64; 3], Vec::new());
+        for _ in 0..40_000 {
+            answer.push(state[0]);
+            let [x, v, d] = state;
+            state[0] += tick_s * (v - known.angle * x);
+            state[1] += tick_s * (1.0 + d - known.speed * x);
+            state[2] += tick_s * (-known.disturbance * x);
+        }
+        let found = gains(&answer, tick_s).unwrap();
+        for (found, known) in
+            [(found.angle, known.angle), (found.speed, known.speed), (found.disturbance, known.disturbance)]
+        {
+            assert!((found / known - 1.0).abs() < 0.02, "{found} {known}");
+        }
+    }
+
+    #[test]
+    fn the_firmwares_estimator_follows_in_about_a_tenth_of_a_second() {
+        let rotation = Rotation::new(288, 24, 240_000_000, Turns::ZERO, Direction::Clockwise).unwrap();
+        let observer = measure(&rotation, &Motor::reference()).unwrap().unwrap();
+        let rate = observer.disturbance.cbrt();
+        // 13.2 rad/s was seen.
+        assert!((10.0..18.0).contains(&rate), "{rate} {observer:?}");
+    }
+}
