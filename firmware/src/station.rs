@@ -3,6 +3,7 @@
 use crate::config::Config;
 use crate::controller::{Controller, Input, Output};
 use crate::conversation::{Report, Request};
+use crate::fault_log::FaultLog;
 use crate::plane_store::TurnHandle;
 use crate::safety::Levels;
 use crate::sequencer::Frame;
@@ -57,11 +58,13 @@ impl Station {
     }
 
     /// Takes `event`, which was queued when the time base showed `count`, or the news that a safety input changed. `levels` are looked
-    /// at with every event: a change that woke nobody is seen at the next tick. Each output, two at most, is to be obeyed in order.
-    pub fn take(&mut self, count: u32, event: Option<Event>, levels: Levels, mut obey: impl FnMut(&Output)) {
+    /// at with every event: a change that woke nobody is seen at the next tick. Each output, two at most, is to
+    /// be obeyed in order, after the log that comes with it has been kept.
+    pub fn take(&mut self, count: u32, event: Option<Event>, levels: Levels, mut obey: impl FnMut(&Output, &FaultLog)) {
         let now = self.time.advance(count);
         if levels != core::mem::replace(&mut self.levels, levels) {
-            obey(self.step(now, Input::Levels(levels)));
+            let output = self.step(now, Input::Levels(levels));
+            obey(&output, self.faults());
         }
         let input = match event {
             None => return,
@@ -73,12 +76,13 @@ impl Station {
             Some(Event::Request(Request::TurnReady(turn))) if self.matches_host => Input::TurnReady(turn),
             Some(Event::Request(Request::TurnReady(turn))) => {
                 // Cut for another rotation than the controller's: given back unseen.
-                obey(&Output { released: [Some(turn), None], armed: None, ..self.output });
+                obey(&Output { released: [Some(turn), None], armed: None, ..self.output }, self.faults());
                 return;
             }
             Some(Event::Request(Request::Configured(rotation, _))) => return self.configure(rotation),
         };
-        obey(self.step(now, input));
+        let output = self.step(now, input);
+        obey(&output, self.faults());
     }
 
     /// How the controller does.
@@ -86,6 +90,11 @@ impl Station {
         let (estimates, slices) = (self.controller.estimates(), self.controller.config().rotation.slices());
         let report = Report::new(self.output.state, self.output.fault, &estimates, slices);
         Report { on_screen: self.on_screen, turns_shown: self.turns_shown, ..report }
+    }
+
+    /// Faults so far, also of before a reset.
+    pub fn faults(&self) -> &FaultLog {
+        self.controller.faults()
     }
 
     /// What the controller was built with.
@@ -96,14 +105,15 @@ impl Station {
     /// Another rotation needs another controller. None is put aside while it drives or lights, or holds a fault.
     fn configure(&mut self, rotation: Rotation) {
         let wanted = rotation != self.config().rotation && self.output.state == State::Idle;
-        if let Some(Ok(controller)) = wanted.then(|| Controller::new((self.figures)(rotation))) {
+        if let Some(Ok(controller)) = wanted.then(|| Controller::after_reset((self.figures)(rotation), *self.faults()))
+        {
             // No safety input is active, or the old one would not be idle: there is nothing to tell the new one.
             (self.controller, self.on_screen) = (controller, None);
         }
         self.matches_host = rotation == self.config().rotation;
     }
 
-    fn step(&mut self, now: Nanos, input: Input) -> &Output {
+    fn step(&mut self, now: Nanos, input: Input) -> Output {
         self.output = self.controller.step(now, input);
         let on_screen = match self.output.armed {
             Some(Frame::Slices { turn, .. } | Frame::Still { turn, .. }) => Some(turn),
@@ -113,7 +123,7 @@ impl Station {
         if on_screen != core::mem::replace(&mut self.on_screen, on_screen) {
             self.turns_shown = self.turns_shown.saturating_add(on_screen.is_some().into());
         }
-        &self.output
+        self.output
     }
 }
 

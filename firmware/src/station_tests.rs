@@ -22,7 +22,7 @@ fn station() -> Station {
 
 fn outputs(station: &mut Station, count: u32, event: Option<Event>, levels: Levels) -> Vec<Output> {
     let mut outputs = Vec::new();
-    station.take(count, event, levels, |output| outputs.push(*output));
+    station.take(count, event, levels, |output, _| outputs.push(*output));
     outputs
 }
 

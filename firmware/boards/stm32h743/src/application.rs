@@ -42,14 +42,11 @@ async fn main(spawner: Spawner) {
     }
     let mut board = Board::new(embassy_stm32::init(clocks::config()));
     // A controller that cannot be is no firmware that may stay: the loader brings the one before back.
-    let controller = rig::rotation().ok().and_then(|rotation| Controller::new(rig::config(rotation)).ok());
-    let Some(mut controller) = controller.filter(|_| board.machine.is_safe()) else { halt::halt() };
+    let controller = rig::rotation().ok().and_then(|rotation| Controller::after_reset(rig::config(rotation), keep::faults()).ok());
+    let Some(controller) = controller.filter(|_| board.machine.is_safe()) else { halt::halt() };
     confirm(board.flash);
     // Not before: it shortens the loader's at once, and confirming takes seconds.
     let watchdog = IndependentWatchdog::new(board.watchdog, WATCHDOG_US);
-    if let Some(fault) = keep::latched() {
-        controller.latch(fault);
-    }
     prioritise();
     board.machine.start(Hertz(controller.config().control_rate_hz as u32));
     let (device, receiver, link) = link::open(board.usb, board.store);

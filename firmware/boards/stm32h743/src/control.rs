@@ -22,18 +22,20 @@ pub static RELEASED: Channel<CriticalSectionRawMutex, TurnHandle, 8> = Channel::
 #[embassy_executor::task]
 pub async fn control(mut machine: Machine, mut station: Station, mut watchdog: IndependentWatchdog<'static, IWDG1>) {
     let torque_max_nm = station.config().motor.torque_max_nm;
-    let mut fault = keep::latched();
+    let mut kept = *station.faults();
+    keep::keep(&kept);
     watchdog.unleash();
     loop {
         let (count, event) = machine.next().await;
-        station.take(count, event, machine.levels(), |output| {
+        station.take(count, event, machine.levels(), |output, faults| {
+            // Before it is obeyed: a reset in between must not forget it.
+            if kept != core::mem::replace(&mut kept, *faults) {
+                keep::keep(faults);
+            }
             machine.obey(output, torque_max_nm);
             for turn in output.released.into_iter().flatten() {
                 // There is room: a slot is released once, and taken out before the host fills it again.
                 let _ = RELEASED.try_send(turn);
-            }
-            if output.fault != core::mem::replace(&mut fault, output.fault) {
-                keep::latch(output.fault);
             }
         });
         if matches!(event, Some(Event::Tick(_))) {

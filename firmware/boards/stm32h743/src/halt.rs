@@ -3,7 +3,6 @@
 use core::sync::atomic::{Ordering, compiler_fence};
 use cortex_m_rt::{ExceptionFrame, exception};
 use embassy_stm32::pac::GPIOE;
-use protocol::message::Fault;
 
 /// Pins of port E: torque enable, light, and the drive's demand (direction and width).
 const OFF: [usize; 4] = [10, 12, 8, 9];
@@ -14,7 +13,7 @@ pub fn halt() -> ! {
     for pin in OFF {
         GPIOE.moder().modify(|w| w.set_moder(pin, embassy_stm32::pac::gpio::vals::Moder::OUTPUT));
     }
-    crate::keep::latch(Some(Fault::Watchdog));
+    crate::keep::stopped();
     compiler_fence(Ordering::SeqCst);
     cortex_m::peripheral::SCB::sys_reset()
 }
