@@ -42,7 +42,8 @@ async fn main(spawner: Spawner) {
     }
     let mut board = Board::new(embassy_stm32::init(clocks::config()));
     // A controller that cannot be is no firmware that may stay: the loader brings the one before back.
-    let controller = rig::rotation().ok().and_then(|rotation| Controller::after_reset(rig::config(rotation), keep::faults()).ok());
+    let controller =
+        rig::rotation().ok().and_then(|rotation| Controller::after_reset(rig::config(rotation), keep::faults()).ok());
     let Some(controller) = controller.filter(|_| board.machine.is_safe()) else { halt::halt() };
     confirm(board.flash);
     // Not before: it shortens the loader's at once, and confirming takes seconds.

@@ -29,7 +29,7 @@ pub async fn control(mut machine: Machine, mut station: Station, mut watchdog: I
         let (count, event) = machine.next().await;
         station.take(count, event, machine.levels(), |output, faults| {
             // Before it is obeyed: a reset in between must not forget it.
-            if kept != core::mem::replace(&mut kept, *faults) {
+            if core::mem::replace(&mut kept, *faults) != *faults {
                 keep::keep(faults);
             }
             machine.obey(output, torque_max_nm);

@@ -1,7 +1,7 @@
 //! The machine that this board drives: the figures of its data sheets. They are to be made those of the real machine before the first
 //! spin; inertia and friction may be rough, they are identified in every spin-up.
 
-use firmware::config::{ClockFigures, Config, Limits, MotorFigures, SensorFigures};
+use firmware::config::{ClockFigures, Config, Gains, Limits, MotorFigures, SensorFigures};
 use protocol::timing::{Direction, Rotation, RotationError};
 use protocol::units::{Nanos, Turns};
 
@@ -29,6 +29,7 @@ pub fn config(rotation: Rotation) -> Config {
             encoder_edge_noise_rad: 1.75e-4,
             index_jitter_s: 5e-7,
         },
+        gains: Gains::default(),
         clock: ClockFigures { frame_latency: Nanos(0), frame_jitter_ns: 2_000.0, wander_ppm_per_sqrt_s: 1.0 },
         limits: Limits {
             speed_max_rad_s: 0.0,
