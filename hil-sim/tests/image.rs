@@ -55,7 +55,8 @@ impl Core for Twins {
             same &= self.image.estimates() == self.native.estimates();
         }
         if !same {
-            let difference = || format!("{now:?}, {input:?}: image {image:?}, native {native:?}");
+            let believed = (self.image.estimates(), self.native.estimates());
+            let difference = || format!("{now:?}, {input:?}: image {image:?}, native {native:?}; {believed:?}");
             self.first_difference.lock().unwrap().get_or_insert_with(difference);
         }
         image

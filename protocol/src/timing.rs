@@ -94,7 +94,11 @@ impl Rotation {
 
     /// Frames a turn.
     pub const fn frames(&self) -> u32 {
-        self.slices() / self.planes_per_frame()
+        // Never divided by 0, which the compiler cannot know: no image shall have a panic for it.
+        match self.slices().checked_div(self.planes_per_frame()) {
+            Some(frames) => frames,
+            None => 0,
+        }
     }
 
     /// The projector's nominal frame rate, in 10⁻⁶ Hz.
