@@ -100,8 +100,7 @@ pub fn record(rotation: &Rotation, truth: &Motor, scenario: &Scenario, seed: u64
     let (experiment, recording) = Experiment::new(told(truth), rotation);
     let mut world = World::with_core(rotation, Nanos::ZERO, truth, scenario, seed, Box::new(experiment));
     world.advance(RUN_S + 1.0);
-    let recording = std::mem::take(&mut *recording.lock().unwrap_or_else(PoisonError::into_inner));
-    recording
+    std::mem::take(&mut *recording.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
 /// The lock that `tuned` gives on the plant of `truth`.
