@@ -2,8 +2,8 @@
 //!
 //! Beside a controller in step run two more of its estimators on the same counts, pulses and torques; one of them is told a little more torque than
 //! acts. What tells them apart is the estimator's answer to an acceleration `a` that it does not know, without the noise, which is the same
-//! in both. For an observer with gains l₁, l₂, l₃ the angles differ by x = a / D(s) with D = s³ + l₁ s² + l₂ s + l₃, so that the moments of x
-//! give the gains: ∫x = a / l₃, ∫t x = a l₂ / l₃², ∫t² x = 2 a (l₂² - l₁ l₃) / l₃³.
+//! in both. For an observer with gains l₁, l₂, l₃ the angles differ by x with the Laplace transform X = a / D, D(s) = s³ + l₁ s² + l₂ s + l₃, so
+//! that X at three real rates gives the gains; what changes slowly beside them weighs little there.
 
 use crate::loop_model::Observer;
 use crate::motor::Motor;
@@ -112,16 +112,19 @@ fn answer(rotation: &Rotation, motor: &Motor, seed: u64, ticks: usize) -> Result
     Ok(answer)
 }
 
-/// The gains from the answer to a unit acceleration, a sample a tick.
+/// The gains from the answer to a unit acceleration, a sample a tick: a parabola through 1 / X(s) - s³ at three rates about its own.
 fn gains(answer: &[f64], tick_s: f64) -> Option<Observer> {
-    let moment = |power: i32| -> f64 {
-        let weighted = answer.iter().enumerate().map(|(tick, apart)| apart * (tick as f64 * tick_s).powi(power));
-        weighted.sum::<f64>() * tick_s
+    const RATES: [f64; 3] = [6.0, 15.0, 40.0];
+    let characteristic = |s: f64| {
+        let weighted = answer.iter().enumerate().map(|(tick, apart)| apart * (-s * tick as f64 * tick_s).exp());
+        1.0 / (weighted.sum::<f64>() * tick_s)
     };
-    let [zeroth, first, second] = [0, 1, 2].map(moment);
-    let disturbance = 1.0 / zeroth;
-    let speed = first * disturbance * disturbance;
-    let angle = speed * speed / disturbance - 0.5 * second * disturbance * disturbance;
+    let [a, b, c] = RATES;
+    let [at_a, at_b, at_c] = RATES.map(|s| characteristic(s) - s.powi(3));
+    let (slope_ab, slope_bc) = ((at_b - at_a) / (b - a), (at_c - at_b) / (c - b));
+    let angle = (slope_bc - slope_ab) / (c - a);
+    let speed = slope_ab - angle * (a + b);
+    let disturbance = at_a - angle * a * a - speed * a;
     let observer = Observer { angle, speed, disturbance };
     // A polynomial of third degree with all roots on the left.
     (disturbance > 0.0 && speed > 0.0 && angle * speed > disturbance).then_some(observer)

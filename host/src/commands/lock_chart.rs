@@ -52,25 +52,23 @@ struct LockChart {
     boundaries: Vec<Boundary>,
 }
 
-fn effort(quick: bool) -> Effort {
+fn effort(quick: bool, own_delay_s: f64) -> Effort {
     let between = |low: f64, high: f64, count: u32| -> Vec<f64> {
         let part = |step: u32| f64::from(step) / f64::from(count - 1);
         (0..count).map(|step| low * (high / low).powf(part(step))).collect()
     };
     let (bandwidths, delays, seeds) = if quick { (10, 5, 3) } else { (20, 9, 20) };
-    Effort {
-        bandwidths_hz: between(1.0, 140.0, bandwidths),
-        delays_s: between(2.5e-4, 2.25e-3, delays),
-        seeds,
-        seconds: 12.0,
-    }
+    let mut delays_s = between(2.5e-4, 2.25e-3, delays);
+    delays_s.push(own_delay_s);
+    delays_s.sort_by(f64::total_cmp);
+    Effort { bandwidths_hz: between(1.0, 140.0, bandwidths), delays_s, seeds, seconds: 12.0 }
 }
 
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let rotation = rigs::find(&args.rig)?.rotation();
     let motor = find_motor(&args.motor)?;
     let folder = Folder::begin(&args.out)?;
-    let (cases, effort) = (cases(&motor), effort(args.quick));
+    let (cases, effort) = (cases(&motor), effort(args.quick, motor.plant.command_delay_us * 1e-6));
     let bar = progress("locking (motors)", cases.len() as u64 + 1);
     let refused = |error| Failure(format!("{}: {error}", args.motor));
     let mut curves = Vec::new();

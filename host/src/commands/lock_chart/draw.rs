@@ -84,13 +84,15 @@ fn plots(chart: &LockChart) -> Vec<Plot> {
     vec![
         by_bandwidth("Phase error, worst seed", "RMS, slices", true, |point| point.rms_slices),
         by_bandwidth("Its peak", "peak, slices", true, |point| point.peak_slices),
-        by_bandwidth("Time to lock, median", "x the torque-limited time", false, |point| point.lock_ratio),
+        by_bandwidth("Time to lock where it is stable, median", "x the torque-limited time", false, |point| {
+            point.lock_ratio.filter(|_| point.margins.phase_deg > 0.0)
+        }),
         Plot {
             title: "Phase error by time to lock, a point a bandwidth",
             across: "time to lock, s",
             up: "RMS, slices",
             logarithmic: true,
-            traces: curves(|point| point.lock_s, |point| point.rms_slices)
+            traces: curves(|point| point.lock_s.filter(|_| point.margins.phase_deg > 0.0), |point| point.rms_slices)
                 .into_iter()
                 .map(|trace| Trace { line: false, ..trace })
                 .collect(),
