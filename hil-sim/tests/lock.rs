@@ -171,7 +171,7 @@ fn slips_and_loads_go_dark_in_time() {
         let case = Case::new(disturbed("hand", action), 4.5);
         let runs = case.run();
         case.hold(&runs, &format!("{action:?}, lit, slices"), limit, |run| run.recoveries[1].peak_slices);
-        case.hold(&runs, "seconds until in step", 1.0, |run| run.recoveries[1].settled_s.unwrap_or(f64::INFINITY));
+        case.hold(&runs, "seconds until in step", 1.2, |run| run.recoveries[1].settled_s.unwrap_or(f64::INFINITY));
     }
 }
 
