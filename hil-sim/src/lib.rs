@@ -3,8 +3,10 @@
 pub mod check;
 pub mod checkers;
 pub mod device;
+pub mod dfu;
 pub mod eye;
 pub mod faults;
+pub mod flash;
 pub mod frame_store;
 pub mod motor;
 pub mod noise;

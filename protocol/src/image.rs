@@ -75,7 +75,11 @@ impl Board {
         let length = bytes.iter().position(|&byte| byte == 0).unwrap_or(BOARD_BYTES);
         let (name, rest) = bytes.split_at(length);
         let is_name = name.iter().all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit() || *byte == b'-');
-        if is_name && length > 0 && rest.iter().all(|&byte| byte == 0) { Ok(Self(bytes)) } else { Err(ImageError::Board) }
+        if is_name && length > 0 && rest.iter().all(|&byte| byte == 0) {
+            Ok(Self(bytes))
+        } else {
+            Err(ImageError::Board)
+        }
     }
 
     /// Its name.
@@ -233,7 +237,8 @@ mod tests {
             bytes[at] = byte;
             split(&bytes).unwrap_err()
         };
-        let errors = [with(0, 0), with(8, 2), with(12, 0x41), with(12, 0x80), with(22, 1), with(1023, 1), with(24, b'H')];
+        let errors =
+            [with(0, 0), with(8, 2), with(12, 0x41), with(12, 0x80), with(22, 1), with(1023, 1), with(24, b'H')];
         use ImageError::{Format, Length, Magic, Reserved, Short};
         assert_eq!(errors, [Magic, Format, Length, Short, Reserved, Reserved, ImageError::Board]);
         assert_eq!(split(&whole[..whole.len() - 1]).unwrap_err(), Short);

@@ -20,6 +20,9 @@ pub const NOTES: usize = 55;
 /// Bytes of a copy in flash: notes, number, place among three, checksum.
 const COPY: usize = 64;
 const COPIES: u8 = 3;
+/// Turns every value of a note into one that is not `0xFF`: a word of a copy that looked blank would be written twice when power fails
+/// behind it.
+const VEIL: u8 = 0xA5;
 const CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
 /// Why notes are not kept.
@@ -74,7 +77,7 @@ struct Copy {
 impl Copy {
     fn to_bytes(self) -> [u8; COPY] {
         let mut bytes = [0; COPY];
-        bytes[..NOTES].copy_from_slice(&self.notes);
+        bytes[..NOTES].copy_from_slice(&self.notes.map(|note| note ^ VEIL));
         bytes[NOTES..NOTES + 4].copy_from_slice(&self.number.to_le_bytes());
         bytes[NOTES + 4] = self.place;
         let checksum = CHECKSUM.checksum(&bytes[..COPY - 4]);
@@ -84,7 +87,7 @@ impl Copy {
 
     fn parse(bytes: &[u8; COPY]) -> Option<Self> {
         let number = core::array::from_fn(|index| bytes[NOTES + index]);
-        let notes = core::array::from_fn(|index| bytes[index]);
+        let notes = core::array::from_fn(|index| bytes[index] ^ VEIL);
         let copy = Self { notes, number: u32::from_le_bytes(number), place: bytes[NOTES + 4] };
         (copy.to_bytes() == *bytes && copy.place < COPIES).then_some(copy)
     }

@@ -99,11 +99,8 @@ impl Transfer {
             return Err(Refusal::Signature);
         }
         let signature = read_signature(&mut slots.spare, 0, &header)?;
-        let marked = updater(slots, &mut [0]).verify_and_mark_updated(
-            &self.owner.key,
-            &signature,
-            header.signed_bytes(),
-        );
+        let marked =
+            updater(slots, &mut [0]).verify_and_mark_updated(&self.owner.key, &signature, header.signed_bytes());
         marked.map(|()| header).map_err(refusal)
     }
 }

@@ -6,6 +6,8 @@ mod bench;
 mod chart;
 mod compare;
 mod demo;
+mod flash;
+mod image;
 mod plan;
 mod project;
 mod render;
@@ -43,6 +45,8 @@ enum Command {
     Project(project::Args),
     Rig(rig::Args),
     Sim(sim::Args),
+    Image(image::Args),
+    Flash(flash::Args),
 }
 
 /// What is printed on one line before exit code 2: what, where, what is allowed.
@@ -79,6 +83,8 @@ pub fn main() -> ExitCode {
         Command::Project(args) => project::run(&args),
         Command::Rig(args) => rig::run(&args),
         Command::Sim(args) => sim::run(&args),
+        Command::Image(args) => image::run(&args),
+        Command::Flash(args) => flash::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
