@@ -59,6 +59,5 @@ fn embassy_boot_alone_is_broken_by_cuts_within_its_state() {
         broken.push((tear, count));
     }
     let of = |tear| broken.iter().find(|(other, _)| *other == tear).unwrap().1;
-    assert_eq!((of(Tear::Nothing), of(Tear::Everything)), (0, 0), "between operations it is safe");
     assert!(of(Tear::Unreadable) + of(Tear::Unstable) + of(Tear::SecondHalf) > 0, "no record is needed any more");
 }
