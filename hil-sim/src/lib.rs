@@ -3,9 +3,11 @@
 pub mod check;
 pub mod checkers;
 pub mod device;
+pub mod dfu;
 pub mod expectation;
 pub mod eye;
 pub mod faults;
+pub mod flash;
 pub mod frame_store;
 pub mod image;
 pub mod lock_sweep;

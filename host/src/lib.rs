@@ -4,6 +4,7 @@ pub mod bake;
 pub mod bench;
 pub mod chart;
 pub mod commands;
+pub mod flash;
 pub mod input;
 pub mod link;
 pub mod machine;

@@ -6,6 +6,8 @@ mod bench;
 mod chart;
 mod compare;
 mod demo;
+mod flash;
+mod image;
 mod lock_chart;
 mod plan;
 mod project;
@@ -47,6 +49,8 @@ enum Command {
     Rig(rig::Args),
     Sim(sim::Args),
     Tune(tune::Args),
+    Image(image::Args),
+    Flash(flash::Args),
 }
 
 /// What is printed on one line before exit code 2: what, where, what is allowed.
@@ -85,6 +89,8 @@ pub fn main() -> ExitCode {
         Command::Rig(args) => rig::run(&args),
         Command::Sim(args) => sim::run(&args),
         Command::Tune(args) => tune::run(&args),
+        Command::Image(args) => image::run(&args),
+        Command::Flash(args) => flash::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

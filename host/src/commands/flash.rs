@@ -1,0 +1,93 @@
+//! `praxi flash`: another firmware for a controller.
+
+use super::args::progress;
+use super::{Failure, say, say_json};
+use crate::flash::{Device, FlashError, IMAGE_BYTES_MAX, Usb, flash, read_key, verify};
+use crate::input;
+use hil_sim::dfu::{Accept, Controller, Owner, Port, UsbError};
+use protocol::image::{Board, split};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// The name of the simulated controller's board.
+const SIMULATED_BOARD: &str = "sim";
+
+/// Send a signed firmware image to a controller, and see it run; the old one comes back by itself where it does not
+#[derive(clap::Args)]
+#[command(after_help = "Example: praxi flash firmware.img --device sim --key owner.key.pub")]
+pub(super) struct Args {
+    /// A signed image, as praxi image sign writes it
+    image: PathBuf,
+    /// A USB device by vendor and product in hexadecimal, as lsusb lists it, or sim
+    #[arg(long, value_name = "VID:PID|sim", value_parser = target)]
+    device: Target,
+    /// The owner's public key: the image is checked before it is sent; the simulated controller trusts it
+    #[arg(long, value_name = "FILE")]
+    key: Option<PathBuf>,
+    /// Take an older version as well
+    #[arg(long)]
+    force: bool,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy)]
+enum Target {
+    Simulated,
+    Usb(u16, u16),
+}
+
+fn target(text: &str) -> Result<Target, String> {
+    if text == "sim" {
+        return Ok(Target::Simulated);
+    }
+    let parts = text.split_once(':').map(|(vendor, product)| [vendor, product].map(|id| u16::from_str_radix(id, 16)));
+    match parts {
+        Some([Ok(vendor), Ok(product)]) => Ok(Target::Usb(vendor, product)),
+        _ => Err("must be sim, or two hexadecimal numbers with a colon, as in 0483:df11".into()),
+    }
+}
+
+/// A blank controller in this process.
+struct Simulated(Controller);
+
+impl Device for Simulated {
+    type Error = UsbError;
+    type Io = Port;
+
+    fn open(&mut self, takes_any: bool) -> Result<Port, UsbError> {
+        let accept = if takes_any { Accept::Any } else { Accept::Newer };
+        self.0.open(accept).map_err(|error| std::io::Error::other(error).into())
+    }
+}
+
+pub(super) fn run(args: &Args) -> Result<(), Failure> {
+    let file = |error| FlashError::File(args.image.clone(), error);
+    let image = input::read(&args.image, IMAGE_BYTES_MAX).map_err(file)?;
+    split(&image).map_err(|error| FlashError::Image(args.image.clone(), error))?;
+    let key = args.key.as_deref().map(read_key).transpose()?;
+    if let Some(key) = &key {
+        verify(key, &image).map_err(|error| Failure(format!("{}: {error}", args.image.display())))?;
+    }
+    let bar = progress("sending bytes", image.len() as u64);
+    let shown = bar.clone();
+    let report = move |sent| shown.set_position(sent);
+    let outcome = match args.device {
+        Target::Usb(vendor, product) => flash(&mut Usb::new((vendor, product)), &image, args.force, report),
+        Target::Simulated => {
+            let key = key.ok_or(Failure("--device sim needs --key FILE: the public key that it trusts".into()))?;
+            let owner = Owner { board: Board::new(SIMULATED_BOARD)?, key };
+            flash(&mut Simulated(Controller::new(owner)), &image, args.force, report)
+        }
+    };
+    bar.finish_and_clear();
+    let header = outcome.map_err(|error| Failure(format!("{}: {error}", args.image.display())))?;
+    if args.json {
+        let version = header.version.to_string();
+        say_json(&json!({ "board": header.board.name(), "version": version, "bytes": image.len() }));
+    } else {
+        say(format!("{} runs {}: tested by itself, and confirmed", header.board, header.version));
+    }
+    Ok(())
+}
