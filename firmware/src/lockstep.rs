@@ -240,7 +240,7 @@ mod tests {
         (config.limits.holdover, config.limits.lock, config.limits.watchdog) = (at, at, at);
         let mut frame = [0; FRAME_BYTES_MAX];
         let begin = write(255, &Request::Begin(config), &mut frame).unwrap();
-        assert_eq!(begin.len(), 119);
+        assert_eq!(begin.len(), 127);
         assert!(write(255, &Answer::Stepped { output, ticks: u32::MAX }, &mut frame).is_some());
         assert!(write(255, &Request::Step { now: at, input: Input::PlanePulse { at } }, &mut frame).is_some());
         assert_eq!(read::<Answer>(&[3, 77]), None);

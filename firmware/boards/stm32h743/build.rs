@@ -4,13 +4,14 @@
 #[expect(dead_code, reason = "the programs use the rest")]
 mod layout;
 
-use layout::{ACTIVE, FLASH_BASE, LOADER, Part, RAM_BASE, RAM_SIZE};
+use layout::{ACTIVE, FLASH_BASE, HEADER, LOADER, Part, RAM_BASE, RAM_SIZE};
 use std::path::PathBuf;
 use std::{env, fs};
 
 fn main() -> std::io::Result<()> {
     let out = PathBuf::from(env::var("OUT_DIR").expect("cargo sets it"));
-    for (program, part) in [("loader", LOADER), ("application", ACTIVE)] {
+    let code = Part { offset: ACTIVE.offset + HEADER, size: ACTIVE.size - HEADER };
+    for (program, part) in [("loader", LOADER), ("application", code)] {
         let folder = out.join(program);
         fs::create_dir_all(&folder)?;
         fs::write(folder.join("memory.x"), memory(&part))?;

@@ -10,9 +10,7 @@ mod machine;
 mod rig;
 
 use board::Board;
-use embassy_boot_stm32::{AlignedBuffer, BlockingFirmwareState, State};
 use embassy_executor::{InterruptExecutor, Spawner};
-use embassy_stm32::flash::WRITE_SIZE;
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::time::Hertz;
@@ -78,13 +76,11 @@ fn prioritise() {
     }
 }
 
-/// Tells the loader that this firmware, if it is new, may stay. Before the control task runs: erasing the state takes seconds in which
-/// nothing else does.
+/// Tells the loader that this firmware, if it is new, may stay. Before the control task runs: writing the notes may take seconds in which
+/// nothing else happens.
 fn confirm(flash: Peri<'static, peripherals::FLASH>) {
     let flash = flash::shared(flash);
-    let mut aligned = AlignedBuffer([0; WRITE_SIZE]);
-    let mut firmware = BlockingFirmwareState::new(flash::download_and_state(&flash).1, &mut aligned.0);
-    if matches!(firmware.get_state(), Ok(State::Swap)) && firmware.mark_booted().is_err() {
+    if flash::slots(&flash).and_then(|mut slots| slots.confirm()).is_err() {
         halt::halt();
     }
 }

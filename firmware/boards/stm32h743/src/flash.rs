@@ -3,7 +3,7 @@
 //! Each word of 32 bytes has its own error-correcting code. One whose programming or erasing was cut off may have two bits wrong, and
 //! reading it is answered by a bus error. A loader that died of that would die at each start.
 
-use crate::layout::{DOWNLOAD, Part, STATE};
+use crate::layout::{ACTIVE, DOWNLOAD, Part, STATE};
 use core::arch::asm;
 use core::cell::RefCell;
 use cortex_m::peripheral::SCB;
@@ -14,6 +14,7 @@ use embassy_stm32::{Peri, peripherals};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
+use update::loader::{LoaderError, Slots};
 
 /// Both banks.
 pub struct CheckedFlash(Flash<'static, Blocking>);
@@ -24,13 +25,13 @@ pub type SharedFlash = Mutex<NoopRawMutex, RefCell<CheckedFlash>>;
 pub type Slot<'a> = BlockingPartition<'a, NoopRawMutex, CheckedFlash>;
 
 /// `part` of `flash`.
-pub fn slot<'a>(flash: &'a SharedFlash, part: &Part) -> Slot<'a> {
+fn slot<'a>(flash: &'a SharedFlash, part: &Part) -> Slot<'a> {
     BlockingPartition::new(flash, part.offset, part.size)
 }
 
-/// Where downloads go, and the state of the swap.
-pub fn download_and_state(flash: &SharedFlash) -> (Slot<'_>, Slot<'_>) {
-    (slot(flash, &DOWNLOAD), slot(flash, &STATE))
+/// Both slots of firmware, and the notes on their swap.
+pub fn slots(flash: &SharedFlash) -> Result<Slots<Slot<'_>, Slot<'_>, Slot<'_>>, LoaderError> {
+    Slots::open(slot(flash, &ACTIVE), slot(flash, &DOWNLOAD), slot(flash, &STATE))
 }
 
 /// All of the chip's flash.

@@ -21,6 +21,8 @@ const fn sectors(first: u32, count: u32) -> Part {
 pub const LOADER: Part = sectors(0, 1);
 /// The application that runs.
 pub const ACTIVE: Part = sectors(1, 5);
+/// Bytes of an image before its code, as in `protocol::image`.
+pub const HEADER: u32 = 1024;
 /// What was downloaded, or the application before. A sector more than the active slot: the swap moves it along by one. In the second
 /// bank, like the state, so that neither stops the application, which runs from the first.
 pub const DOWNLOAD: Part = sectors(8, 6);

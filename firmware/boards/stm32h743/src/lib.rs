@@ -6,4 +6,5 @@ pub mod flash;
 pub mod halt;
 pub mod keep;
 pub mod layout;
+pub mod owner;
 pub mod usb;

@@ -1,27 +1,26 @@
-//! The boot loader: finishes or takes back an interrupted swap, takes a download over USB where one is wanted or nothing can be started,
-//! else starts the application under a watchdog.
+//! The boot loader: the thin shell of `update`. It starts what `update` decides, under a watchdog, or waits for an image over USB.
 #![no_std]
 #![no_main]
 
-use embassy_boot_stm32::{AlignedBuffer, BlockingFirmwareUpdater, BootLoader, BootLoaderConfig, FirmwareUpdaterConfig};
+use cortex_m::peripheral::{NVIC, SCB};
 use embassy_executor::Spawner;
-use embassy_stm32::flash::WRITE_SIZE;
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_usb_dfu::ResetImmediate;
-use embassy_usb_dfu::consts::DfuAttributes;
-use embedded_storage::nor_flash::ReadNorFlash;
+use embassy_usb::class::dfu::consts::{DfuAttributes, Status};
+use embassy_usb::class::dfu::dfu_mode::{DfuState, Handler, usb_dfu};
 use static_cell::StaticCell;
-use stm32h743::flash::{self, SharedFlash, Slot};
-use stm32h743::layout::{ACTIVE, FLASH_BASE, RAM_BASE, RAM_SIZE};
-use stm32h743::{clocks, keep, usb, usb_pins};
+use stm32h743::flash::{SharedFlash, Slot};
+use stm32h743::layout::{ACTIVE, FLASH_BASE, HEADER};
+use stm32h743::owner::owner;
+use stm32h743::{clocks, flash, keep, usb, usb_pins};
+use update::image::{Owner, Refusal};
+use update::loader::{Decision, Slots};
+use update::updater::{Accept, Transfer};
 
-/// Bytes of a block of the download: whole words of flash.
+/// Bytes of a block of the download.
 const BLOCK: usize = 4096;
 /// How long an application may take until it has found itself whole. It then sets a shorter time itself; if it does not, the watchdog
-/// resets it, and this loader brings the one before back.
+/// resets it.
 const TRIAL_US: u32 = 16_000_000;
-
-type Download = embassy_usb_dfu::State<'static, Slot<'static>, Slot<'static>, ResetImmediate, BLOCK>;
 
 #[embassy_executor::main(entry = "cortex_m_rt::entry")]
 async fn main(_spawner: Spawner) {
@@ -29,54 +28,79 @@ async fn main(_spawner: Spawner) {
     let wanted = keep::take_download_wanted();
     static FLASH: StaticCell<SharedFlash> = StaticCell::new();
     let flash = FLASH.init(flash::shared(p.FLASH));
-    let (dfu, state) = flash::download_and_state(flash);
-    let config = BootLoaderConfig { active: flash::slot(flash, &ACTIVE), dfu, state };
-    let prepared = BootLoader::try_prepare::<_, _, _, BLOCK>(config);
-    match prepared {
-        Ok(loader) if !wanted && holds_application(flash) => {
-            IndependentWatchdog::new(p.IWDG1, TRIAL_US).unleash();
-            silence();
-            // SAFETY: a stack pointer into RAM and an entry into the slot are there, no interrupt of this program is on, and nothing of
-            // it is used again.
-            unsafe { loader.load(FLASH_BASE + ACTIVE.offset) }
-        }
-        _ => download(usb_pins!(p), flash).await,
+    let decision = owner().and_then(|owner| flash::slots(flash).ok()?.boot(&owner).ok());
+    if matches!(decision, Some(Decision::Run(_) | Decision::Try(..))) && !wanted {
+        IndependentWatchdog::new(p.IWDG1, TRIAL_US).unleash();
+        start(FLASH_BASE + ACTIVE.offset + HEADER)
     }
+    download(usb_pins!(p), flash).await;
 }
 
-/// No interrupt of this program reaches the next one.
-fn silence() {
-    // SAFETY: the registers that clear enables and pending bits, of which every bit may be written at any time.
-    let controller = unsafe { &*cortex_m::peripheral::NVIC::PTR };
-    for (enabled, pending) in controller.icer.iter().zip(&controller.icpr) {
-        // SAFETY: as above.
-        unsafe {
+/// Starts the program whose vectors are at `vectors`, which somebody has signed.
+fn start(vectors: u32) -> ! {
+    // SAFETY: registers that clear enables and pending bits, and where the vectors are; nothing of this program is used again. What
+    // starts was verified.
+    unsafe {
+        let controller = &*NVIC::PTR;
+        for (enabled, pending) in controller.icer.iter().zip(&controller.icpr) {
             enabled.write(!0);
             pending.write(!0);
         }
+        (*SCB::PTR).vtor.write(vectors);
+        cortex_m::asm::bootload(vectors as *const u32)
     }
 }
 
-/// Whether the active slot begins as a program does: with a stack pointer into RAM and an entry into the slot.
-fn holds_application(flash: &SharedFlash) -> bool {
-    let mut words = [0; 8];
-    let read = flash.lock(|flash| flash.borrow_mut().read(ACTIVE.offset, &mut words));
-    let [stack, entry] = [[0, 1, 2, 3], [4, 5, 6, 7]].map(|at| u32::from_le_bytes(at.map(|at| words[at])));
-    let start = FLASH_BASE + ACTIVE.offset;
-    read.is_ok() && (RAM_BASE..=RAM_BASE + RAM_SIZE).contains(&stack) && (start..start + ACTIVE.size).contains(&entry)
+/// A device of class DFU, until the host resets it.
+async fn download(pins: usb::Pins, flash: &'static SharedFlash) {
+    static CONTROL: StaticCell<[u8; BLOCK]> = StaticCell::new();
+    static STATE: StaticCell<DfuState<Download>> = StaticCell::new();
+    let attributes = DfuAttributes::CAN_DOWNLOAD | DfuAttributes::MANIFESTATION_TOLERANT;
+    let state = STATE.init(DfuState::new(Download { flash, under_way: None }, attributes));
+    let mut builder = usb::builder(pins, "Praxinoscope controller, loader", &CONTROL);
+    usb_dfu(&mut builder, state, BLOCK, |_| {});
+    builder.build().run().await;
 }
 
-/// A device of class DFU, until the host resets it.
-async fn download(pins: usb::Pins, flash: &'static SharedFlash) -> ! {
-    static CONTROL: StaticCell<[u8; BLOCK]> = StaticCell::new();
-    static ALIGNED: StaticCell<AlignedBuffer<WRITE_SIZE>> = StaticCell::new();
-    static STATE: StaticCell<Download> = StaticCell::new();
-    let (dfu, state) = flash::download_and_state(flash);
-    let aligned = ALIGNED.init(AlignedBuffer([0; WRITE_SIZE]));
-    let updater = BlockingFirmwareUpdater::new(FirmwareUpdaterConfig { dfu, state }, &mut aligned.0);
-    let attributes = DfuAttributes::CAN_DOWNLOAD | DfuAttributes::MANIFESTATION_TOLERANT;
-    let state = STATE.init(embassy_usb_dfu::new_state(updater, attributes, ResetImmediate));
-    let mut builder = usb::builder(pins, "Praxinoscope controller, loader", &CONTROL);
-    embassy_usb_dfu::usb_dfu(&mut builder, state, |_| {});
-    builder.build().run().await
+type OurSlots = Slots<Slot<'static>, Slot<'static>, Slot<'static>>;
+
+/// What comes in.
+struct Download {
+    flash: &'static SharedFlash,
+    under_way: Option<(OurSlots, Transfer)>,
+}
+
+impl Handler for Download {
+    fn start(&mut self) -> Result<(), Status> {
+        let owner: Owner = owner().ok_or(Status::ErrVendor)?;
+        let slots = flash::slots(self.flash).map_err(|_| Status::ErrFirmware)?;
+        self.under_way = Some((slots, Transfer::new(owner, Accept::Newer)));
+        Ok(())
+    }
+
+    fn write(&mut self, data: &[u8]) -> Result<(), Status> {
+        let (slots, transfer) = self.under_way.as_mut().ok_or(Status::ErrNotDone)?;
+        transfer.take(slots, data).map_err(|refusal| status(&refusal))
+    }
+
+    fn finish(&mut self) -> Result<(), Status> {
+        let (mut slots, transfer) = self.under_way.take().ok_or(Status::ErrNotDone)?;
+        transfer.finish(&mut slots).map(drop).map_err(|refusal| status(&refusal))
+    }
+
+    fn system_reset(&mut self) {
+        SCB::sys_reset()
+    }
+}
+
+/// The nearest of DFU's words.
+fn status(refusal: &Refusal) -> Status {
+    match refusal {
+        Refusal::Image(_) | Refusal::Size { .. } => Status::ErrFile,
+        Refusal::Board { .. } | Refusal::Version { .. } => Status::ErrTarget,
+        Refusal::Signature => Status::ErrVerify,
+        Refusal::Flash(_) => Status::ErrWrite,
+        Refusal::OnTrial => Status::ErrFirmware,
+        Refusal::Order { .. } => Status::ErrAddress,
+    }
 }
