@@ -24,7 +24,7 @@ const SETTLED_NS: u64 = 3_000_000_000;
 /// The answer is over after this, seconds.
 const ANSWER_S: f64 = 1.5;
 /// Counts fall in with ticks differently from seed to seed, and the estimator follows accordingly.
-const SEEDS: u64 = 8;
+const SEEDS: u64 = 9;
 /// The torque more, as a share of the limit: small against what makes the estimator doubt itself.
 const MORE: f32 = 1e-3;
 
@@ -78,19 +78,25 @@ impl Probe {
     }
 }
 
-/// The gains of the estimator in step with `rotation` on `motor`, from the mean answer over some seeds. `Ok(None)` where it does not lock, or
+/// The gains of the estimator in step with `rotation` on `motor`, from the median answer over some seeds. `Ok(None)` where it does not lock, or
 /// follows in no way that three gains describe.
 pub fn measure(rotation: &Rotation, motor: &Motor) -> Result<Option<Observer>, ConfigError> {
     let ticks = (ANSWER_S * motor.controller.rate_hz) as usize;
-    let mut mean = vec![0.0; ticks];
+    let mut answers = Vec::new();
     for seed in 0..SEEDS {
         let answer = answer(rotation, motor, seed, ticks)?;
         if answer.len() < ticks {
             return Ok(None);
         }
-        mean.iter_mut().zip(answer).for_each(|(mean, apart)| *mean += apart / SEEDS as f64);
+        answers.push(answer);
     }
-    Ok(gains(&mean, 1.0 / motor.controller.rate_hz))
+    // Not the mean: where one twin believes an index that the other does not, they part.
+    let middle = |tick: usize| {
+        let mut apart: Vec<f64> = answers.iter().map(|answer| answer[tick]).collect();
+        apart.sort_by(f64::total_cmp);
+        apart[apart.len() / 2]
+    };
+    Ok(gains(&(0..ticks).map(middle).collect::<Vec<_>>(), 1.0 / motor.controller.rate_hz))
 }
 
 /// What tells the twins apart, a sample a tick.
