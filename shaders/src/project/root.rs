@@ -6,11 +6,15 @@ use core::f64::consts::{PI, TAU};
 /// within 4.4 slices of 1.25°, 0.1 rad.
 const SECANT_REACH: f64 = 0.12;
 
-/// The root of `defect` near `start`; `None` where the secant leaves the neighbourhood or does not settle.
+/// Nearer to the start than this, in radians, no other root is looked for: the signs between would be rounding's.
+const ONE_ROOT: f64 = 1e-6;
+
+/// The root of `defect` near `start`; `None` where the secant leaves the neighbourhood, does not settle, or passes a nearer root.
 ///
 /// Three steps reach 1e-9 rad on the reference rigs; the step after that confirms it.
 pub(super) fn secant(defect: &impl Fn(f64) -> Option<f64>, start: f64) -> Option<f64> {
-    let (mut previous, mut previous_defect) = (start, defect(start)?);
+    let first = defect(start)?;
+    let (mut previous, mut previous_defect) = (start, first);
     // The defect rises about as fast as the azimuth, so this is close to a Newton step; 1e-7 keeps the two starts apart.
     let mut azimuth = start - previous_defect.clamp(-0.01, 0.01) + 1e-7;
     for _ in 0..8 {
@@ -19,14 +23,19 @@ pub(super) fn secant(defect: &impl Fn(f64) -> Option<f64>, start: f64) -> Option
         if rise == 0.0 {
             return (value.abs() < 1e-13).then_some(azimuth);
         }
-        let step = value * (azimuth - previous) / rise;
+        let moved = azimuth - previous;
+        let step = value * moved / rise;
         (previous, previous_defect) = (azimuth, value);
         azimuth -= step;
         if (azimuth - start).abs() > SECANT_REACH {
             return None;
         }
         if step.abs() < 1e-11 {
-            return Some(azimuth);
+            let reach = azimuth - start;
+            // At the nearest root the defect leaves the sign that it has at the start, and as far on the other side it still has it.
+            let leaves = rise * moved * reach * first < 0.0;
+            let is_nearest = || leaves && defect(start - reach).is_some_and(|value| value * first > 0.0);
+            return (reach.abs() < ONE_ROOT || is_nearest()).then_some(azimuth);
         }
     }
     None
@@ -51,8 +60,11 @@ pub(super) fn nearest_root(defect: &impl Fn(f64) -> Option<f64>, start: f64) -> 
     }
     const STEPS: i32 = 180;
     let at = |step: i32| start + f64::from(step) * DEGREE;
+    let away = |root: &f64| (root - start).abs();
     (0..STEPS).find_map(|step| {
-        [(step, step + 1), (-step, -step - 1)].into_iter().find_map(|(near, far)| bisect(defect, at(near), at(far)))
+        let sides = [(step, step + 1), (-step, -step - 1)];
+        let roots = sides.into_iter().filter_map(|(near, far)| bisect(defect, at(near), at(far)));
+        roots.min_by(|a, b| away(a).total_cmp(&away(b)))
     })
 }
 
@@ -68,5 +80,5 @@ fn bisect(defect: &impl Fn(f64) -> Option<f64>, mut low: f64, mut high: f64) -> 
     }
     // A sign also changes at a pole, where the mirror point runs to infinity: there the defect does not vanish.
     let root = (low + high) / 2.0;
-    (defect(root)?.abs() < 1e-6).then_some(root.rem_euclid(TAU))
+    (defect(root)?.abs() < 1e-6).then_some(root)
 }

@@ -40,6 +40,40 @@ fn far_away_is_the_limit_of_a_distance() {
     }
 }
 
+/// How far, in radians, the cone's viewer of the origin, which lies on the mirror, is from the nearer of its equation's two roots,
+/// which are known there; `None` where there is none.
+///
+/// M is the origin for every viewer. With i from the projector, a the face's azimuth and φ the viewer's, `o·e = i·e` is
+/// `sin(φ − a) = i·e √(d² + h²) / d`.
+fn error_at_origin(position: DVec3, theta: f64) -> Option<f64> {
+    let mut rig = Rig::parse(REFERENCE).unwrap();
+    rig.projector.position_m = Some(position.to_array());
+    rig.projector.image_down = Some([0.0, -1.0, 0.0]);
+    let [planar, cone] =
+        [Model::Planar, Model::Cone].map(|model| SliceOptics::new(&rig, 0, theta, model).viewer_of(DVec3::ZERO));
+    let azimuth = |viewer: Viewer| viewer.vector().x.atan2(viewer.vector().z);
+    let across = -position.normalize().dot(rig.mirror.face[0].frame(theta).across);
+    let sine = across * 0.9f64.hypot(0.35) / 0.9;
+    // Nearer to a double root than this, its rounding decides.
+    if sine.abs() > 1.0 - 1e-9 {
+        return None;
+    }
+    let turned = |to: f64, from: f64| (to - from + PI).rem_euclid(TAU) - PI;
+    let roots = [theta + sine.asin(), theta + PI - sine.asin()];
+    let [first, second] = roots.map(|root| turned(root, azimuth(planar.unwrap())).abs());
+    // Equally near, either will do.
+    let nearer = if (first - second).abs() < 1e-6 { None } else { Some(roots[usize::from(second < first)]) };
+    nearer.map(|root| cone.map_or(PI, |cone| turned(azimuth(cone), root).abs()))
+}
+
+#[test]
+fn of_two_roots_the_nearer_is_taken() {
+    // Found by the fuzzer: the planar azimuth is between the roots, 5.3 degrees from the one that the secant ran to, 5.0 from the other.
+    let theta = (126.5 * 1.25 - 179.967_040_512_703_14f64).to_radians();
+    let error = error_at_origin(DVec3::new(-7.720_000_060_351_033, 0.017_202_806_251_778_97, 0.0), theta);
+    assert!(error.unwrap() < 1e-9, "{error:?}");
+}
+
 #[test]
 fn what_cannot_be_seen_says_why() {
     let optics = optics(REFERENCE, 0, Model::Cone);
@@ -76,6 +110,16 @@ fn ball_point(index: u32) -> DVec3 {
 }
 
 proptest! {
+    #[test]
+    fn the_cone_at_the_origin_is_the_closed_form(
+        azimuth in -PI..PI, elevation in 0.0f64..1.5, distance in 0.3f64..10.0, theta in -PI..PI,
+    ) {
+        let level = distance * elevation.cos();
+        let position = DVec3::new(level * azimuth.sin(), distance * elevation.sin(), level * azimuth.cos());
+        let error = error_at_origin(position, theta);
+        prop_assert!(error.is_none_or(|error| error < 1e-7), "{error:?}");
+    }
+
     #[test]
     fn a_pixel_sees_the_points_that_project_to_it(
         x in -0.05f64..0.05, y in -0.05f64..0.05, z in -0.05f64..0.05, slice in 0u32..288, rig in 0usize..3, cone: bool,
