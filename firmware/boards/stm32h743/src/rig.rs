@@ -10,7 +10,7 @@ pub fn rotation() -> Result<Rotation, RotationError> {
     Rotation::new(288, 24, 240_000_000, Turns::ZERO, Direction::CounterClockwise)
 }
 
-/// Of the reference motor, as in `hil-sim/motors/reference.toml`.
+/// Of the reference motor, as in `hil-sim/motors/reference.toml`, to which `hil-sim/tests/board.rs` holds it.
 pub fn config(rotation: Rotation) -> Config {
     let mut config = Config {
         rotation,
@@ -26,7 +26,7 @@ pub fn config(rotation: Rotation) -> Config {
         },
         sensors: SensorFigures {
             encoder_counts_per_turn: 2_000,
-            encoder_edge_noise_rad: 1.75e-4,
+            encoder_edge_noise_rad: 1.745_329_2e-4,
             index_jitter_s: 5e-7,
         },
         gains: Gains::default(),
