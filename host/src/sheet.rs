@@ -3,6 +3,7 @@
 pub(crate) mod axis;
 
 use crate::picture::{Picture, png, srgb_byte};
+use axis::{Axis, axes};
 use epaint_default_fonts::HACK_REGULAR;
 use image::{DynamicImage, RgbImage};
 use plotters::coord::Shift;
@@ -14,9 +15,9 @@ use std::sync::Once;
 /// What a drawing library says when it fails; with a drawing in memory, only a programming error makes it.
 pub(crate) type Drawing = Result<(), Box<dyn Error>>;
 
-pub(crate) const PAPER: RGBColor = RGBColor(24, 24, 28);
+const PAPER: RGBColor = RGBColor(24, 24, 28);
 pub(crate) const INK: RGBColor = RGBColor(222, 222, 226);
-pub(crate) const FAINT: RGBColor = RGBColor(70, 70, 78);
+const FAINT: RGBColor = RGBColor(70, 70, 78);
 const TITLE_PX: i32 = 22;
 
 /// A generic family for SVG, and the name of the font inside the program.
@@ -129,24 +130,8 @@ pub fn plot(panels: &[Panel<'_>]) -> Vec<u8> {
 
 fn plot_panel(area: &DrawingArea<BitMapBackend<'_>, Shift>, panel: &Panel<'_>) -> Drawing {
     let ((from, to), (low, high)) = (panel.seconds, panel.values);
-    let mut chart = ChartBuilder::on(area)
-        .caption(&panel.title, ink(15))
-        .margin(10)
-        .x_label_area_size(36)
-        .y_label_area_size(64)
-        .build_cartesian_2d(from..to, low..high)?;
-    chart
-        .configure_mesh()
-        .x_desc("time (s)")
-        .y_desc(panel.unit)
-        // Adding 0 makes a negative zero plain.
-        .y_label_formatter(&|value| format!("{:.*}", decimals(high - low), value + 0.0 * high))
-        .label_style(ink(12))
-        .axis_desc_style(ink(13))
-        .axis_style(INK)
-        .bold_line_style(FAINT)
-        .light_line_style(PAPER)
-        .draw()?;
+    let (x, y) = (Axis::over(from..to), Axis::over(low..high));
+    let mut chart = axes(area, &panel.title, ("time (s)", x), (panel.unit, y))?;
     for limit in panel.limits {
         let line = [(from, *limit), (to, *limit)];
         chart.draw_series(LineSeries::new(line, RGBColor(230, 120, 90)))?;
@@ -161,11 +146,6 @@ fn plot_panel(area: &DrawingArea<BitMapBackend<'_>, Shift>, panel: &Panel<'_>) -
     let points = visible.map(|(at, value)| (*at, value.clamp(low, high)));
     chart.draw_series(LineSeries::new(points, RGBColor(110, 190, 255)))?;
     Ok(())
-}
-
-/// Decimals that tell the labels of an axis of this length apart.
-fn decimals(length: f64) -> usize {
-    (2.0 - length.log10()).clamp(0.0, 6.0) as usize
 }
 
 /// Frames of one size as an endless GIF of grey levels (luminance), `centiseconds` each.

@@ -4,8 +4,8 @@ use super::parts;
 use super::who::Who;
 use super::{Report, Row};
 use crate::render::plan::Projection;
-use crate::sheet::axis::Axis;
-use crate::sheet::{self, Drawing, FAINT, INK, PAPER, ink};
+use crate::sheet::axis::{Axis, axes};
+use crate::sheet::{self, Drawing, INK, ink};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
@@ -162,22 +162,8 @@ impl Plot {
         let naive = first.map(|(x, [_, middle, _])| middle * to / x);
         let measured = self.lines.iter().flat_map(|line| line.points.iter().flat_map(|point| point.1));
         let times = measured.chain(naive).chain([self.limit_ms]);
-        let mut chart = ChartBuilder::on(area)
-            .caption(&self.title, ink(16))
-            .margin(10)
-            .x_label_area_size(40)
-            .y_label_area_size(70)
-            .build_cartesian_2d(Axis::around(self.xs(), true), Axis::around(times, true))?;
-        chart
-            .configure_mesh()
-            .x_desc(self.across)
-            .y_desc("ms a turn")
-            .label_style(ink(12))
-            .axis_desc_style(ink(13))
-            .axis_style(INK)
-            .bold_line_style(FAINT)
-            .light_line_style(PAPER)
-            .draw()?;
+        let (x, y) = (Axis::around(self.xs(), true), Axis::around(times, true));
+        let mut chart = axes(area, &self.title, (self.across, x), ("ms a turn", y))?;
         let limit = self.limit_ms;
         chart.draw_series(DashedLineSeries::new([(from, limit), (to, limit)], 2, 4, INK.into()))?;
         chart.draw_series([Text::new("as fast as the rig turns", (from, limit * 0.92), ink(12))])?;

@@ -1,7 +1,8 @@
 //! Where the time of a slice goes, over slice counts: what neighbouring slices shared would fall.
 
 use super::Row;
-use crate::sheet::{Drawing, FAINT, INK, PAPER, ink};
+use crate::sheet::axis::{Axis, axes};
+use crate::sheet::{Drawing, ink};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
@@ -19,24 +20,9 @@ where
     };
     let highest = rows.iter().map(|row| of_slice(row).iter().map(|(_, us)| us).sum()).fold(0.0, f64::max);
     let Some(renderer) = rows.first().map(|row| &row.renderer) else { return Ok(()) };
-    let mut chart = ChartBuilder::on(area)
-        .caption(format!("{renderer}: where a slice's time goes"), ink(16))
-        .margin(10)
-        .x_label_area_size(40)
-        .y_label_area_size(70)
-        .build_cartesian_2d(0.0..rows.len() as f64, 0.0..1.25 * highest)?;
-    chart
-        .configure_mesh()
-        .disable_x_mesh()
-        .x_labels(0)
-        .x_desc("slices a turn")
-        .y_desc("µs of a core a slice")
-        .label_style(ink(12))
-        .axis_desc_style(ink(13))
-        .axis_style(INK)
-        .bold_line_style(FAINT)
-        .light_line_style(PAPER)
-        .draw()?;
+    let (x, y) = (Axis::of_bars(rows.len()), Axis::over(0.0..1.25 * highest));
+    let title = format!("{renderer}: where a slice's time goes");
+    let mut chart = axes(area, &title, ("slices a turn", x), ("µs of a core a slice", y))?;
     for (place, row) in rows.iter().enumerate() {
         let mut below = 0.0;
         for ((_, us), colour) in of_slice(row).into_iter().zip(COLOURS) {
@@ -47,7 +33,7 @@ where
         let text = format!("{}: {below:.0}", row.slices);
         chart.draw_series([Text::new(text, (place as f64 + 0.15, below + 0.06 * highest), ink(12))])?;
     }
-    let left = 80;
+    let left = 90;
     let right = area.dim_in_pixel().0 as i32;
     let names = rows.iter().map(|row| of_slice(row)).max_by_key(Vec::len).unwrap_or_default();
     for (place, ((name, _), colour)) in names.into_iter().zip(COLOURS).enumerate() {

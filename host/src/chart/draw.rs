@@ -2,8 +2,8 @@
 
 use super::{Chart, over_jobs, pareto_front};
 use crate::render::plan::{Halftone, Plan, Projection};
-use crate::sheet::axis::Axis;
-use crate::sheet::{self, Drawing, FAINT, INK, PAPER, ink};
+use crate::sheet::axis::{Axis, axes};
+use crate::sheet::{self, Drawing, ink};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
@@ -146,25 +146,9 @@ impl Scatter<'_> {
     where
         B::ErrorType: 'static,
     {
-        let mut chart = ChartBuilder::on(area)
-            .caption(&self.title, ink(16))
-            .margin(10)
-            .x_label_area_size(40)
-            .y_label_area_size(78)
-            .build_cartesian_2d(
-                Axis::around(self.marks.iter().map(|mark| mark.x), true),
-                Axis::around(self.marks.iter().map(|mark| mark.y), self.error),
-            )?;
-        chart
-            .configure_mesh()
-            .x_desc(self.across)
-            .y_desc(self.up)
-            .label_style(ink(12))
-            .axis_desc_style(ink(13))
-            .axis_style(INK)
-            .bold_line_style(FAINT)
-            .light_line_style(PAPER)
-            .draw()?;
+        let x = Axis::around(self.marks.iter().map(|mark| mark.x), true);
+        let y = Axis::around(self.marks.iter().map(|mark| mark.y), self.error);
+        let mut chart = axes(area, &self.title, (self.across, x), (self.up, y))?;
         let sense = if self.error { 1.0 } else { -1.0 };
         let competing: Vec<&Mark> = self.marks.iter().filter(|mark| mark.competes).collect();
         let front = pareto_front(&competing.iter().map(|mark| (mark.x, sense * mark.y)).collect::<Vec<_>>());

@@ -1,19 +1,67 @@
 //! Axes of plots.
 
+use super::{FAINT, INK, PAPER, ink};
 use core::ops::Range;
+use plotters::coord::Shift;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use plotters::coord::types::RangedCoordf64;
+use plotters::prelude::*;
+use std::error::Error;
+
+/// A plot on its axes.
+pub(crate) type Chart<'a, B> = ChartContext<'a, B, Cartesian2d<Axis, Axis>>;
 
 /// An axis that is linear, or logarithmic with ticks at powers of ten and, where those are few, between them.
 pub(crate) struct Axis {
+    /// On a logarithmic axis, of powers of ten.
     range: Range<f64>,
     logarithmic: bool,
+    has_ticks: bool,
+}
+
+/// Draws a title and two axes, each with what stands along it, and gives the plot that they hold.
+pub(crate) fn axes<'a, B: DrawingBackend>(
+    area: &'a DrawingArea<B, Shift>,
+    title: &str,
+    (across, x): (&str, Axis),
+    (up, y): (&str, Axis),
+) -> Result<Chart<'a, B>, Box<dyn Error>>
+where
+    B::ErrorType: 'static,
+{
+    let mut chart = ChartBuilder::on(area)
+        .caption(title, ink(16))
+        .margin(10)
+        .x_label_area_size(40)
+        .y_label_area_size(78)
+        .build_cartesian_2d(x, y)?;
+    chart
+        .configure_mesh()
+        .x_desc(across)
+        .y_desc(up)
+        .label_style(ink(12))
+        .axis_desc_style(ink(13))
+        .axis_style(INK)
+        .bold_line_style(FAINT)
+        .light_line_style(PAPER)
+        .draw()?;
+    Ok(chart)
 }
 
 impl Axis {
+    /// Linear, over `range`.
+    pub(crate) fn over(range: Range<f64>) -> Self {
+        Self { range, logarithmic: false, has_ticks: true }
+    }
+
+    /// For `bars` bars, each of width 1, that say themselves what they are.
+    pub(crate) fn of_bars(bars: usize) -> Self {
+        Self { has_ticks: false, ..Self::over(0.0..bars as f64) }
+    }
+
     /// Around all of `values`, with a margin; on a logarithmic axis they are above 0.
     pub(crate) fn around(values: impl Iterator<Item = f64> + Clone, logarithmic: bool) -> Self {
-        let axis = Self { range: 0.0..1.0, logarithmic };
+        let axis = Self { logarithmic, ..Self::over(0.0..1.0) };
         let scaled = values.map(|value| axis.scaled(value));
         let low = scaled.clone().fold(f64::INFINITY, f64::min);
         let high = scaled.fold(f64::NEG_INFINITY, f64::max);
@@ -37,6 +85,9 @@ impl Ranged for Axis {
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
         let Range { start, end } = self.range;
+        if !self.has_ticks {
+            return Vec::new();
+        }
         if !self.logarithmic {
             return RangedCoordf64::from(start..end).key_points(hint);
         }
@@ -60,8 +111,8 @@ impl Ranged for Axis {
 
 impl ValueFormatter<f64> for Axis {
     fn format_ext(&self, value: &f64) -> String {
-        // Of 1e-6 … 1e6 what is needed.
-        let text = format!("{value:.6}");
+        // Of 1e-6 … 1e6 what is needed; adding 0 makes a negative zero plain.
+        let text = format!("{:.6}", (value * 1e6).round() / 1e6 + 0.0);
         text.trim_end_matches('0').trim_end_matches('.').to_string()
     }
 }

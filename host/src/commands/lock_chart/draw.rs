@@ -1,8 +1,8 @@
 //! The lock's chart as a picture: SVG for print, PNG for the screen, the same in both.
 
 use super::LockChart;
-use crate::sheet::axis::Axis;
-use crate::sheet::{self, Drawing, FAINT, INK, PAPER, ink};
+use crate::sheet::axis::{Axis, axes};
+use crate::sheet::{self, Drawing, ink};
 use hil_sim::lock_sweep::Point;
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -30,7 +30,7 @@ struct Trace {
     line: bool,
 }
 
-/// One plot; x is logarithmic.
+/// One plot; x is logarithmic where nothing is at 0, as a drive without delay is.
 struct Plot {
     title: &'static str,
     across: &'static str,
@@ -134,22 +134,8 @@ impl Plot {
         let xs = || points().map(|(x, _)| x).chain(self.down.iter().map(|(x, _)| *x));
         let ys = || points().map(|(_, y)| y);
         let (low, high) = ys().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| (low.min(y), high.max(y)));
-        let mut chart = ChartBuilder::on(area)
-            .caption(self.title, ink(16))
-            .margin(10)
-            .x_label_area_size(40)
-            .y_label_area_size(78)
-            .build_cartesian_2d(Axis::around(xs(), true), Axis::around(ys(), self.logarithmic))?;
-        chart
-            .configure_mesh()
-            .x_desc(self.across)
-            .y_desc(self.up)
-            .label_style(ink(12))
-            .axis_desc_style(ink(13))
-            .axis_style(INK)
-            .bold_line_style(FAINT)
-            .light_line_style(PAPER)
-            .draw()?;
+        let (x, y) = (Axis::around(xs(), xs().all(|x| x > 0.0)), Axis::around(ys(), self.logarithmic));
+        let mut chart = axes(area, self.title, (self.across, x), (self.up, y))?;
         for (x, colour) in &self.down {
             chart.draw_series(LineSeries::new([(*x, low), (*x, high)], colour.stroke_width(2)))?;
         }
