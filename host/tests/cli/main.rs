@@ -1,0 +1,12 @@
+//! The command line as a user meets it: results, bad input, exit codes, nothing half-written.
+
+mod arguments;
+mod bake;
+mod desk;
+mod measured;
+mod plan;
+mod render;
+mod rig;
+mod simulated;
+
+const TRIANGLE: &str = "v 0 0 0\nv 0.03 0 0\nv 0 0.03 0\nf 1 2 3\n";
