@@ -15,7 +15,7 @@ use std::path::PathBuf;
 /// Speed against accuracy of the lock: phase error, time to lock and stability by bandwidth
 #[derive(clap::Args)]
 #[command(after_help = "Example: praxi lock-chart --quick --out lock-chart\n\n\
-    Writes lock-chart.png, lock-chart.svg, lock-chart.json and summary.md. The motor is taken as it is, with more and\n\
+    Writes lock-chart.png, lock-chart.svg, lock-chart.json and summary.md. The motor is taken as it is, with more and \
     less inertia, friction, ripple and noise; the line across is the bandwidth of its file, or the firmware's own.")]
 pub(super) struct Args {
     /// A rig file, or reference, reference-180hz, high-viewer, tent
