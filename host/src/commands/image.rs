@@ -49,6 +49,9 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     match &args.what {
         What::Key { file } => make_key(file),
         What::Sign { code, key, board, version, out } => {
+            if key.extension().is_some_and(|extension| extension == "pub") {
+                return Err(Failure(format!("{}: that is a public key: a secret one signs", key.display())));
+            }
             let key = read_key(key)?;
             let bytes = input::read(code, IMAGE_BYTES_MAX).map_err(|error| FlashError::File(code.clone(), error))?;
             let failed = |error: ImageError| FlashError::Image(code.clone(), error);

@@ -50,7 +50,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let spacing =
         facts.spacing_mm.map(|spacing| format!(", {spacing:.1} mm at the viewing distance")).unwrap_or_default();
     say(format!(
-        "{}\n  rotation        {:.3} turns a second, {} slices in {}, {:.1} us a slice\n  \
+        "{}\n  rotation        {:.3} turns/s, {} slices in {}, {:.1} us a slice\n  \
          views           {:.3} degrees apart{spacing}\n  display volume  a ball of {:.1} mm radius about the origin\n  \
          resolution      {:.2} projector pixels a millimetre there\n  reach           {} slices a turn reach an eye",
         rig.name,

@@ -171,14 +171,14 @@ fn as_text(statistics: &LockStatistics, faults: &Faults) -> String {
         },
         format!("planes        {} shown, {} misplaced, {} dark", verdict.lit, verdict.misplaced, statistics.dark),
         format!(
-            "checkers      {}: {} misplaced, {} forbidden, {} torn, {} disordered; farthest {:.3} slices",
+            "checkers      {}: {} misplaced, {} forbidden, {} torn, {} disordered",
             if verdict.is_clean() { "passed" } else { "FAILED" },
             verdict.misplaced,
             verdict.forbidden,
             verdict.torn,
             verdict.disordered,
-            verdict.farthest_slices,
         ),
+        format!("farthest      {:.3} slices from its place", verdict.farthest_slices),
     ];
     for recovery in &statistics.recoveries {
         let settled = recovery.settled_s.map_or("not in step".to_string(), |settled| {

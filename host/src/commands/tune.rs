@@ -16,9 +16,10 @@ use std::path::PathBuf;
 /// Identify a motor's inertia, friction, ripple and delay from a run of 20 s, and set the loop's gains
 #[derive(clap::Args)]
 #[command(after_help = "Example: praxi tune --motor motor.toml --out tuned.toml && praxi sim --motor tuned.toml\n\n\
-    The run is simulated. Of the motor's file the tuner sees what a data sheet tells (max_torque_nm,\n\
-    torque_loop_bandwidth_hz, [sensors], [projector_clock], rate_hz) and what the sensors count; the rest is the truth that it\n\
-    is to find, and none of it goes into the file that it writes.")]
+    The run is simulated. Of the motor's file the tuner sees what a data sheet tells (max_torque_nm, \
+    torque_loop_bandwidth_hz, [sensors], [projector_clock], rate_hz) and what the sensors count; the rest is the truth that it \
+    is to find, and none of it goes into the file that it writes. Margins are those of a linear model of the loop, broken at the \
+    drive's input, with the estimator as it was measured.")]
 pub(super) struct Args {
     /// A rig file, or reference, reference-180hz, high-viewer, tent
     #[arg(long, default_value = "reference")]
@@ -78,7 +79,7 @@ fn as_text(tuned: &Tuned, proof: &LockStatistics) -> String {
         format!("bandwidth     {:.1} Hz, damping {:.2}", model.feedback.bandwidth_hz, model.feedback.damping),
         format!("unstable      from {:.1} Hz on", tuned.boundary_hz),
         format!(
-            "margins       {:.0} degrees, {:.1} dB up, {:.1} dB down, at the drive, with the estimator; crossover {:.1} Hz",
+            "margins       {:.0} degrees, {:.1} dB up, {:.1} dB down; crossover {:.1} Hz; at the drive",
             margins.phase_deg, margins.gain_up_db, margins.gain_down_db, margins.crossover_hz
         ),
         match proof.recoveries.first().and_then(|start| start.settled_s) {
