@@ -1,5 +1,6 @@
 //! Small angles in single precision, and the sine of a whole one.
 
+use crate::single::whole;
 use core::f32::consts::TAU;
 use protocol::units::Turns;
 
@@ -15,12 +16,10 @@ pub fn radians_between(origin: Turns, angle: Turns) -> f32 {
 /// `angle` moved on by `radians`, which may span several turns (then to single precision); NaN moves it nowhere.
 pub fn advanced(angle: Turns, radians: f32) -> Turns {
     let steps = radians * STEPS_PER_RADIAN;
-    // A Cortex-M4F converts to 32 bits in one instruction and to 64 in some fifty.
-    let whole = if steps.abs() < 2_147_483_648.0 { steps as i32 as u32 } else { steps as i64 as u32 };
-    Turns(angle.0.wrapping_add(whole))
+    Turns(angle.0.wrapping_add(whole(steps) as u32))
 }
 
-/// `nanos` in single precision; as fast as [`advanced`] where it fits into 32 bits.
+/// `nanos` in single precision; quickly where it fits into 32 bits.
 pub fn nanos_to_f32(nanos: i64) -> f32 {
     i32::try_from(nanos).map_or(nanos as f32, |short| short as f32)
 }

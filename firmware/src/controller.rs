@@ -9,6 +9,7 @@ use crate::projector_sync::ProjectorSync;
 use crate::rotation::{Index, RotationEstimator};
 use crate::safety::{Conditions, Levels, Safety};
 use crate::sequencer::{Frame, Sequencer};
+use crate::single::root;
 use crate::velocity_lock::{Reference, VelocityLock};
 use core::f32::consts::TAU;
 use protocol::message::{Command, Fault, State};
@@ -291,7 +292,7 @@ impl Controller {
             error_slices: self.lock.error_slices(),
             rate_slices_s: self.lock.rate_slices_s(),
             scatter_slices: self.rotation.index_scatter_rad() / self.config.slice_rad(),
-            sigma_slices: libm::sqrtf(mirror * mirror + clock * clock),
+            sigma_slices: root(mirror * mirror + clock * clock),
         }
     }
 

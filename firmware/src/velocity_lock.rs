@@ -9,6 +9,7 @@ use crate::angle::{advanced, radians_between};
 use crate::config::Config;
 use crate::frames::Frames;
 use crate::rotation::RotationEstimator;
+use crate::single::{at_least, at_most, nearest, root};
 use crate::trajectory::{Trajectory, Waypoint};
 use core::f32::consts::TAU;
 use protocol::units::Turns;
@@ -157,7 +158,8 @@ impl VelocityLock {
             }
             Phase::Track => self.follow(mirror, reference, Waypoint::default(), Waypoint::default(), lead_s),
         };
-        let torque = if wanted.is_finite() { wanted.max(-self.torque_max_nm).min(self.torque_max_nm) } else { 0.0 };
+        let torque =
+            if wanted.is_finite() { at_most(at_least(wanted, -self.torque_max_nm), self.torque_max_nm) } else { 0.0 };
         self.saturated_ticks = if torque == wanted { 0 } else { self.saturated_ticks.saturating_add(1) };
         torque
     }
@@ -199,10 +201,10 @@ impl VelocityLock {
 
     /// By how much the speed is wrong when a landing is planned.
     fn plan_below(&self, mirror: &RotationEstimator, reference: Reference) -> f32 {
-        let limit = self.acceleration_limit(mirror, reference).max(1.0);
+        let limit = at_least(self.acceleration_limit(mirror, reference), 1.0);
         let spacing = TAU / self.frames.count() as f32;
-        let long = (LANDING_S * limit).max(libm::sqrtf(2.0 * LANDING_PLACES * spacing * limit));
-        (PLAN_BELOW * reference.speed.abs()).min(long)
+        let long = at_least(LANDING_S * limit, root(2.0 * LANDING_PLACES * spacing * limit));
+        at_most(PLAN_BELOW * reference.speed.abs(), long)
     }
 
     /// Turn by turn, once it is in step.
@@ -226,7 +228,7 @@ impl VelocityLock {
             let way = Trajectory::excursion(
                 self.error + SWING_TURNS * TAU,
                 self.rate,
-                1.875 * SWING_TURNS * TAU / (SWING_SHARE * mirror.speed().abs().max(0.1)),
+                1.875 * SWING_TURNS * TAU / (SWING_SHARE * at_least(mirror.speed().abs(), 0.1)),
             );
             self.phase = Phase::Follow { way, elapsed_s: 0.0, limit: f32::INFINITY };
         }
@@ -262,18 +264,18 @@ impl VelocityLock {
             self.phase = Phase::Rush;
             return;
         }
-        let limit = self.acceleration_limit(mirror, reference).max(1.0);
+        let limit = at_least(self.acceleration_limit(mirror, reference), 1.0);
         let spacing = TAU / self.frames.count() as f32;
         let way = match Trajectory::landing(self.error, self.rate, spacing, limit) {
             Some(way) => way,
             None => {
                 // Where the mirror would come to rest by itself decides which place is nearest.
                 let ahead = self.error + 0.1 * self.rate;
-                let start = self.error - spacing * libm::roundf(ahead / spacing);
+                let start = self.error - spacing * nearest(ahead / spacing);
                 Trajectory::glide(start, self.rate, 0.7 * limit)
             }
         };
-        let places = libm::roundf((self.error - way.at(0.0).error) / spacing) as i32;
+        let places = nearest((self.error - way.at(0.0).error) / spacing) as i32;
         self.slot = self.frames.moved(self.slot, places);
         self.error -= places as f32 * spacing;
         self.phase = Phase::Follow { way, elapsed_s: 0.0, limit };
@@ -281,11 +283,11 @@ impl VelocityLock {
 
     fn rush(&self, mirror: &RotationEstimator, reference: Reference) -> f32 {
         // Also where the plan has to wait (no index yet): full torque far from the speed, less near it.
-        let near = (0.05 * reference.speed).min(0.1 * self.acceleration_limit(mirror, reference).max(1.0));
+        let near = at_most(0.05 * reference.speed, 0.1 * at_least(self.acceleration_limit(mirror, reference), 1.0));
         let share = (-self.rate / near).clamp(-1.0, 1.0);
         if share.abs() < 1.0 {
             let holding = mirror.torque_for(0.0, mirror.speed(), mirror.angle());
-            return holding + share * (RUSH_SHARE * self.torque_max_nm - holding.abs()).max(0.0);
+            return holding + share * at_least(RUSH_SHARE * self.torque_max_nm - holding.abs(), 0.0);
         }
         let probing = if self.wants_probe(mirror, reference) { PROBE_SHARE } else { 1.0 };
         share * probing * RUSH_SHARE * self.torque_max_nm
