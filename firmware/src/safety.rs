@@ -157,6 +157,12 @@ impl Safety {
         self.state.may_light() && (self.state == State::Service || self.trusted)
     }
 
+    /// What the estimate was worth is not known any more: dark, until it has been good for a whole turn again.
+    pub fn distrust(&mut self) {
+        self.sharp_since = None;
+        self.trusted = false;
+    }
+
     /// Stops for `fault`; the first one stays until it is cleared.
     pub fn stop_for(&mut self, now: Nanos, fault: Fault, cause: Cause) {
         self.log.latch(fault, cause, now);

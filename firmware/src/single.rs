@@ -48,7 +48,7 @@ pub fn whole(value: f32) -> i64 {
 
 /// The nearest whole number; of two that are as near, the larger one.
 pub fn nearest(value: f32) -> f32 {
-    floor(value + 0.5)
+    if value.abs() < ALL_WHOLE { floor(value + 0.5) } else { value }
 }
 
 #[cfg(test)]
