@@ -35,6 +35,11 @@ pub struct Gains {
 
 impl Default for Gains {
     /// Six hertz: slow against the millisecond of delay, and fast against what the model leaves out.
+    ///
+    /// In step undisturbed, more is a little better: over 200 seeds of 6 s the reference motor keeps 0.0030 slices RMS and 0.0116 peak
+    /// with 15 Hz, and 0.0035 and 0.0120 with 6; the phase margin at the drive grows from 11° to 16° (`praxi lock-chart`). But with 15 Hz a
+    /// load of a tenth of the torque is not made good in 1.5 s with one seed in 200 (146, `cargo test -p hil-sim --test lock slips`), and
+    /// `a_tuned_motor_locks_and_its_gains_have_margins` finds no lock on the light motor with twice the delay.
     fn default() -> Self {
         Self { bandwidth_rad_s: 38.0, damping: 0.9 }
     }

@@ -9,6 +9,7 @@ use crate::projector_sync::ProjectorSync;
 use crate::rotation::{Index, RotationEstimator};
 use crate::safety::{Conditions, Levels, Safety};
 use crate::sequencer::{Frame, Sequencer};
+use crate::single::root;
 use crate::velocity_lock::{Reference, VelocityLock};
 use core::f32::consts::TAU;
 use protocol::message::{Command, Fault, State};
@@ -94,6 +95,8 @@ pub struct Controller {
     safety: Safety,
     service_slice: u16,
     last_tick: Option<Nanos>,
+    /// A control tick is late when the last one is longer ago.
+    tick_patience: Nanos,
     armed_after: Option<u32>,
     doubtful_frames: u32,
     /// A first frame of a turn in which the clock was in doubt.
@@ -104,6 +107,8 @@ pub struct Controller {
 /// A frame is armed once this share of the one before it has passed: its own start is then safely behind, and the next one ahead,
 /// whatever the jitter.
 const ARM_AFTER: f32 = 0.25;
+/// Control periods after which a missing tick makes it dark, long before the watchdog: what estimates are worth is judged in ticks.
+const TICKS_TO_DARK: f32 = 2.0;
 
 impl Controller {
     /// Idle and dark, for the rig that `config` describes; as one that never had a fault.
@@ -129,6 +134,7 @@ impl Controller {
             safety: Safety::new(config.limits, log),
             service_slice: 0,
             last_tick: None,
+            tick_patience: Nanos((TICKS_TO_DARK * 1e9 / config.control_rate_hz) as u64),
             armed_after: None,
             doubtful_frames: 0,
             missed_start: None,
@@ -139,7 +145,7 @@ impl Controller {
     /// Takes one input at `now`, which never runs backwards.
     pub fn step(&mut self, now: Nanos, input: Input) -> Output {
         let mut output = Output::default();
-        self.check_watchdog(now);
+        self.check_ticks(now);
         match input {
             Input::Tick { encoder_count } => self.tick(now, encoder_count, &mut output),
             Input::FramePulse { at } => {
@@ -191,8 +197,15 @@ impl Controller {
         matches!(self.safety.state(), State::SpinUp | State::Acquire)
     }
 
-    fn check_watchdog(&mut self, now: Nanos) {
+    fn ticks_are_late(&self, now: Nanos) -> bool {
+        self.last_tick.is_some_and(|tick| now.signed_since(tick) > self.tick_patience.0 as i64)
+    }
+
+    fn check_ticks(&mut self, now: Nanos) {
         let Some(tick) = self.last_tick else { return };
+        if self.ticks_are_late(now) {
+            self.safety.distrust();
+        }
         let watchdog = self.config.limits.watchdog;
         if now.signed_since(tick) > watchdog.0 as i64 && self.safety.may_drive() {
             self.safety.stop_for(now, Fault::Watchdog, Cause::time(now - tick, watchdog));
@@ -240,8 +253,9 @@ impl Controller {
         let start_missed = self.watch_start(now);
         output.state = state;
         output.torque_nm = self.torque * self.sign;
-        output.light =
-            self.safety.may_light() && (state == State::Service || !self.projector.is_doubtful() && !start_missed);
+        output.light = self.safety.may_light()
+            && !self.ticks_are_late(now)
+            && (state == State::Service || !self.projector.is_doubtful() && !start_missed);
         output.fault = self.safety.fault();
     }
 
@@ -291,7 +305,7 @@ impl Controller {
             error_slices: self.lock.error_slices(),
             rate_slices_s: self.lock.rate_slices_s(),
             scatter_slices: self.rotation.index_scatter_rad() / self.config.slice_rad(),
-            sigma_slices: libm::sqrtf(mirror * mirror + clock * clock),
+            sigma_slices: root(mirror * mirror + clock * clock),
         }
     }
 

@@ -38,6 +38,19 @@ fn ticks_that_stop_are_noticed_by_whatever_comes_next() {
     assert_eq!(output.fault, Some(Fault::Watchdog));
 }
 
+/// The watchdog would take 5 ms, and has nothing to say of a parked mirror.
+#[test]
+fn light_goes_out_when_two_ticks_are_missing_and_comes_back_with_them() {
+    let mut controller = Controller::new(example(288, 240, Direction::CounterClockwise)).unwrap();
+    controller.step(Nanos(0), Input::Tick { encoder_count: 0 });
+    let service = Command::Service { slice: 0, duration_ms: 1_000 };
+    assert!(controller.step(Nanos(1), Input::Command(service)).light);
+    for (at, light) in [(500_000, true), (500_001, false)] {
+        assert_eq!(controller.step(Nanos(at), Input::PlanePulse { at: Nanos(at) }).light, light);
+    }
+    assert!(controller.step(Nanos(600_000), Input::Tick { encoder_count: 0 }).light);
+}
+
 #[test]
 fn a_fault_survives_a_reset_and_falls_to_a_command_alone() {
     let config = example(288, 240, Direction::CounterClockwise);

@@ -1,5 +1,7 @@
 //! The covariance of an estimate, and the few operations on it that a sequential Kalman filter needs.
 
+use crate::single::at_least;
+
 /// A symmetric `N` x `N` matrix, both halves stored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Covariance<const N: usize>([[f32; N]; N]);
@@ -87,7 +89,7 @@ impl<const N: usize> Covariance<N> {
                 self.0[i][j] = value;
                 self.0[j][i] = value;
             }
-            self.0[i][i] = self.0[i][i].max(floor[i]);
+            self.0[i][i] = at_least(self.0[i][i], floor[i]);
         }
     }
 }

@@ -25,6 +25,7 @@ pub mod projector_sync;
 pub mod rotation;
 pub mod safety;
 pub mod sequencer;
+pub mod single;
 pub mod speed_window;
 pub mod station;
 pub mod time_base;

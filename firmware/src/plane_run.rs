@@ -1,5 +1,6 @@
 //! Plane pulses that follow each other at one interval.
 
+use crate::angle::nanos_to_f32;
 use protocol::units::Nanos;
 
 /// Intervals that must agree before they are believed.
@@ -18,8 +19,8 @@ pub struct PlaneRun {
 impl PlaneRun {
     /// Takes a pulse captured at `at`; one whose interval differs from the run's mean by more than `tolerance_ns` begins another run.
     pub fn add(&mut self, at: Nanos, tolerance_ns: f32) {
-        let interval = at.signed_since(self.last) as f32;
-        let agrees = self.intervals > 0 && libm::fabsf(interval - self.mean_ns()) < tolerance_ns;
+        let interval = nanos_to_f32(at.signed_since(self.last));
+        let agrees = self.intervals > 0 && (interval - self.mean_ns()).abs() < tolerance_ns;
         if !agrees || self.intervals == LONGEST {
             (self.start, self.intervals) = (self.last, 0);
         }
@@ -39,7 +40,7 @@ impl PlaneRun {
     }
 
     fn mean_ns(&self) -> f32 {
-        self.last.signed_since(self.start) as f32 / self.intervals.max(1) as f32
+        nanos_to_f32(self.last.signed_since(self.start)) / self.intervals.max(1) as f32
     }
 }
 

@@ -7,10 +7,14 @@
 //! of nowhere: from 240 to 180 Hz the frame pulse comes when 18 planes have been shown in the wrong place, the first plane pulse when
 //! one is a third of a slice late.
 
+mod filter;
+
 use crate::angle::nanos_to_f32;
 use crate::config::Config;
 use crate::frames::Frames;
 use crate::plane_run::PlaneRun;
+use crate::single::{floor, nearest, root};
+use filter::{Filter, Fine};
 use protocol::units::Nanos;
 
 /// What a pulse meant.
@@ -37,26 +41,6 @@ pub struct ClockReading {
     pub fraction: f32,
 }
 
-/// Nanoseconds with a fraction: whole ones never lose digits, however long the controller runs.
-#[derive(Clone, Copy, Debug, Default)]
-struct Fine {
-    whole: u64,
-    rest: f32,
-}
-
-impl Fine {
-    fn plus(self, nanos: u64, rest: f32) -> Self {
-        let sum = self.rest + rest;
-        let carried = libm::roundf(sum);
-        Self { whole: self.whole.wrapping_add(nanos).wrapping_add(carried as i64 as u64), rest: sum - carried }
-    }
-
-    /// `at - self` in nanoseconds.
-    fn until(self, at: Nanos) -> f32 {
-        nanos_to_f32(at.0.wrapping_sub(self.whole) as i64) - self.rest
-    }
-}
-
 const GATE_SIGMAS: f32 = 6.0;
 /// Of one pulse in what they are seen to scatter: a fifth of a second at 240 Hz.
 const SCATTER_SHARE: f32 = 0.02;
@@ -78,8 +62,7 @@ pub struct ProjectorSync {
     stamps: [Nanos; AGREEING + 1],
     stamped: usize,
     tracking: bool,
-    edge: Fine,
-    period: Fine,
+    filter: Filter,
     frame: u32,
     serial: u32,
     frames_since_pulse: u32,
@@ -89,10 +72,6 @@ pub struct ProjectorSync {
     last_plane: Option<Nanos>,
     run: PlaneRun,
     planes: f32,
-    // Of (edge, period), in ns².
-    variance_edge: f32,
-    covariance: f32,
-    variance_period: f32,
 }
 
 impl ProjectorSync {
@@ -112,8 +91,7 @@ impl ProjectorSync {
             stamps: [Nanos::ZERO; AGREEING + 1],
             stamped: 0,
             tracking: false,
-            edge: Fine::default(),
-            period: Fine::default(),
+            filter: Filter::default(),
             frame: 0,
             serial: 0,
             frames_since_pulse: 0,
@@ -123,9 +101,6 @@ impl ProjectorSync {
             last_plane: None,
             run: PlaneRun::default(),
             planes: config.rotation.planes_per_frame() as f32,
-            variance_edge: 0.0,
-            covariance: 0.0,
-            variance_period: 0.0,
         }
     }
 
@@ -146,12 +121,12 @@ impl ProjectorSync {
 
     /// The duration of a frame, ns; the nominal one while nothing is known.
     pub fn period_ns(&self) -> f32 {
-        if self.tracking { self.period.whole as f32 + self.period.rest } else { self.nominal_ns }
+        if self.tracking { self.filter.period.nanos() } else { self.nominal_ns }
     }
 
     /// The standard deviation of the clock's phase now, in frames.
     pub fn sigma_frames(&self) -> f32 {
-        libm::sqrtf(self.variance_edge.max(0.0)) / self.period_ns()
+        root(self.filter.variance_edge) / self.period_ns()
     }
 
     /// Forgets the clock, as after a long silence.
@@ -194,9 +169,9 @@ impl ProjectorSync {
         if !self.tracking {
             return;
         }
-        let planes = self.edge.plus(self.latency_ns, 0.0).until(at) / self.period_ns() * self.planes;
-        let astray = libm::fabsf(planes - libm::roundf(planes)) > self.plane_tolerance();
-        let gap = last.is_some_and(|last| at.signed_since(last) as f32 * self.planes > 1.5 * self.period_ns());
+        let planes = self.filter.edge.plus(self.latency_ns, 0.0).until(at) / self.period_ns() * self.planes;
+        let astray = (planes - nearest(planes)).abs() > self.plane_tolerance();
+        let gap = last.is_some_and(|last| nanos_to_f32(at.signed_since(last)) * self.planes > 1.5 * self.period_ns());
         self.contradicted |= astray || gap;
         self.doubtful |= self.contradicted;
         if self.contradicted {
@@ -211,16 +186,15 @@ impl ProjectorSync {
             return;
         };
         let period_ns = plane_ns * self.planes;
-        let off_ns = self.edge.plus(self.latency_ns, 0.0).until(start);
+        let off_ns = self.filter.edge.plus(self.latency_ns, 0.0).until(start);
         // Eight sigmas of the period that eight intervals tell: a plane pulse that was lost is no new rate.
-        let new = libm::fabsf(period_ns - self.period_ns()) > 4.0 * self.interval_tolerance_ns(period_ns);
-        if self.frames_since_pulse > 0 || libm::fabsf(off_ns) > 0.25 * plane_ns || !(new && self.is_possible(period_ns))
-        {
+        let new = (period_ns - self.period_ns()).abs() > 4.0 * self.interval_tolerance_ns(period_ns);
+        if self.frames_since_pulse > 0 || off_ns.abs() > 0.25 * plane_ns || !(new && self.is_possible(period_ns)) {
             return;
         }
-        self.period = Fine::default().plus(0, period_ns);
-        self.variance_period = self.planes * self.planes * self.run.variance(self.jitter_variance);
-        self.covariance = 0.0;
+        self.filter.period = Fine::default().plus(0, period_ns);
+        self.filter.variance_period = self.planes * self.planes * self.run.variance(self.jitter_variance);
+        self.filter.covariance = 0.0;
         self.contradicted = false;
     }
 
@@ -233,12 +207,13 @@ impl ProjectorSync {
     pub fn coast(&mut self, now: Nanos) {
         // Half a frame of grace, so that a pulse that is a little late still meets the edge that it belongs to.
         for _ in 0..4 {
-            if !self.tracking || self.edge.until(now) < 1.5 * self.period_ns() {
+            if !self.tracking || self.filter.edge.until(now) < 1.5 * self.period_ns() {
                 return;
             }
-            self.next_frame();
+            self.filter.next_frame(self.wander_per_sqrt_s);
+            self.count_frames(1);
         }
-        if self.edge.until(now) > 1e3 * self.period_ns() {
+        if self.filter.edge.until(now) > 1e3 * self.period_ns() {
             self.forget();
         }
     }
@@ -248,47 +223,42 @@ impl ProjectorSync {
         if !self.tracking {
             return None;
         }
-        let frames = self.edge.plus(self.latency_ns, 0.0).until(at) / self.period_ns();
-        let whole = libm::floorf(frames);
+        let frames = self.filter.edge.plus(self.latency_ns, 0.0).until(at) / self.period_ns();
+        let whole = floor(frames);
         let frame = self.frames.moved(self.frame, whole as i32);
         let serial = self.serial.wrapping_add_signed(whole as i32);
         Some(ClockReading { serial, frame, fraction: (frames - whole).clamp(0.0, 0.999_999_9) })
     }
 
     fn accept(&mut self, at: Nanos) -> bool {
-        let frames = libm::roundf(self.edge.until(at) / self.period_ns());
+        let since = self.filter.edge.until(at);
+        let frames = nearest(since / self.period_ns());
         if !(1.0..=4.0).contains(&frames) {
             // A second pulse at an edge that was already seen tells nothing new; elsewhere it contradicts the clock.
-            let at_edge =
-                self.edge.until(at).abs() < GATE_SIGMAS * libm::sqrtf(self.variance_edge + self.jitter_variance);
+            let at_edge = since.abs() < GATE_SIGMAS * root(self.filter.variance_edge + self.jitter_variance);
             self.doubtful |= !at_edge;
             return false;
         }
-        let mut ahead = self.clone();
-        for _ in 0..frames as u32 {
-            ahead.next_frame();
+        let frames = frames as u32;
+        let mut ahead = self.filter;
+        for _ in 0..frames {
+            ahead.next_frame(self.wander_per_sqrt_s);
         }
         let innovation = ahead.edge.until(at);
         self.learn_jitter(innovation);
-        (ahead.jitter_variance, ahead.scatter, ahead.last_innovation) =
-            (self.jitter_variance, self.scatter, self.last_innovation);
         let variance = ahead.variance_edge + self.jitter_variance;
         if innovation * innovation > GATE_SIGMAS * GATE_SIGMAS * variance {
             self.refused = self.refused.saturating_add(1);
             self.doubtful = true;
             return false;
         }
-        let (gain_edge, gain_period) = (ahead.variance_edge / variance, ahead.covariance / variance);
-        ahead.edge = ahead.edge.plus(0, gain_edge * innovation);
-        ahead.period = ahead.period.plus(0, gain_period * innovation);
-        ahead.variance_period -= gain_period * ahead.covariance;
-        ahead.covariance *= 1.0 - gain_edge;
-        ahead.variance_edge *= 1.0 - gain_edge;
-        ahead.refused = 0;
-        ahead.doubtful = ahead.contradicted;
-        ahead.contradicted = false;
-        ahead.frames_since_pulse = 0;
-        *self = ahead;
+        ahead.correct(innovation, variance);
+        self.filter = ahead;
+        self.count_frames(frames);
+        self.refused = 0;
+        self.doubtful = self.contradicted;
+        self.contradicted = false;
+        self.frames_since_pulse = 0;
         true
     }
 
@@ -296,7 +266,7 @@ impl ProjectorSync {
     /// and taken for scatter 100 ppm went unnoticed until planes were 0.46 slices off. From pulses within a quarter of a plane of their
     /// place; others mean something else.
     fn learn_jitter(&mut self, innovation: f32) {
-        if libm::fabsf(innovation) * self.planes < 0.25 * self.period_ns() {
+        if innovation.abs() * self.planes < 0.25 * self.period_ns() {
             let change = innovation - core::mem::replace(&mut self.last_innovation, innovation);
             self.scatter += SCATTER_SHARE * (0.5 * change * change - self.scatter);
             let more = self.scatter > 2.0 * self.told_variance;
@@ -307,19 +277,13 @@ impl ProjectorSync {
     /// How far from its place, in planes, a plane pulse is believed to be noise: 6 sigma, but not less than what a slight rate error
     /// makes of a frame, nor so much that a plane is half off.
     fn plane_tolerance(&self) -> f32 {
-        (GATE_SIGMAS * libm::sqrtf(self.jitter_variance) * self.planes / self.nominal_ns).clamp(0.1, 0.45)
+        (GATE_SIGMAS * root(self.jitter_variance) * self.planes / self.nominal_ns).clamp(0.1, 0.45)
     }
 
-    fn next_frame(&mut self) {
-        let seconds = self.period_ns() * 1e-9;
-        let wander_ns = self.wander_per_sqrt_s * self.period_ns();
-        self.edge = self.edge.plus(self.period.whole, self.period.rest);
-        self.frame = self.frames.after(self.frame, 1);
-        self.serial = self.serial.wrapping_add(1);
-        self.frames_since_pulse = self.frames_since_pulse.saturating_add(1);
-        self.variance_edge += 2.0 * self.covariance + self.variance_period;
-        self.covariance += self.variance_period;
-        self.variance_period += wander_ns * wander_ns * seconds;
+    fn count_frames(&mut self, frames: u32) {
+        self.frame = self.frames.after(self.frame, frames);
+        self.serial = self.serial.wrapping_add(frames);
+        self.frames_since_pulse = self.frames_since_pulse.saturating_add(frames);
     }
 
     /// The period in which the last intervals agree, if they do.
@@ -328,9 +292,10 @@ impl ProjectorSync {
             return None;
         }
         let [oldest, later @ ..] = self.stamps;
-        let mean = self.stamps[AGREEING].signed_since(oldest) as f32 / AGREEING as f32;
-        let mut intervals = self.stamps.iter().zip(later).map(|(from, to)| to.signed_since(*from) as f32);
-        let agree = intervals.all(|interval| libm::fabsf(interval - mean) < self.interval_tolerance_ns(mean));
+        let mean = nanos_to_f32(self.stamps[AGREEING].signed_since(oldest)) / AGREEING as f32;
+        let mut intervals = self.stamps.iter().zip(later).map(|(from, to)| nanos_to_f32(to.signed_since(*from)));
+        let tolerance_ns = self.interval_tolerance_ns(mean);
+        let agree = intervals.all(|interval| (interval - mean).abs() < tolerance_ns);
         (agree && self.is_possible(mean)).then_some(mean)
     }
 
@@ -339,7 +304,7 @@ impl ProjectorSync {
     }
 
     fn interval_tolerance_ns(&self, interval_ns: f32) -> f32 {
-        GATE_SIGMAS * libm::sqrtf(2.0 * self.jitter_variance) + 1e-4 * interval_ns
+        GATE_SIGMAS * root(2.0 * self.jitter_variance) + 1e-4 * interval_ns
     }
 
     fn restart(&mut self, at: Nanos, period_ns: f32) {
@@ -349,11 +314,11 @@ impl ProjectorSync {
             self.serial = self.serial.wrapping_add(self.refused).wrapping_add(1);
         }
         self.tracking = true;
-        self.edge = Fine { whole: at.0, rest: 0.0 };
-        self.period = Fine::default().plus(0, period_ns);
-        self.variance_edge = self.jitter_variance;
-        self.covariance = self.jitter_variance / AGREEING as f32;
-        self.variance_period = 2.0 * self.jitter_variance / (AGREEING * AGREEING) as f32;
+        self.filter.edge = Fine::at(at);
+        self.filter.period = Fine::default().plus(0, period_ns);
+        self.filter.variance_edge = self.jitter_variance;
+        self.filter.covariance = self.jitter_variance / AGREEING as f32;
+        self.filter.variance_period = 2.0 * self.jitter_variance / (AGREEING * AGREEING) as f32;
         self.refused = 0;
         self.contradicted = false;
         // Until a pulse confirms it.

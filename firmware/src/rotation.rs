@@ -12,6 +12,7 @@ mod motion;
 use crate::angle::{advanced, nanos_to_f32};
 use crate::config::Config;
 use crate::covariance::Covariance;
+use crate::single::{at_least, root};
 use crate::speed_window::SpeedWindow;
 use protocol::timing::Direction;
 use protocol::units::{Nanos, Turns};
@@ -214,12 +215,12 @@ impl RotationEstimator {
 
     /// Its standard deviation, radians. Only differences count before [`RotationEstimator::is_anchored`].
     pub fn sigma_rad(&self) -> f32 {
-        libm::sqrtf(self.covariance.variance(ANGLE).max(0.0) + self.shaking_rad * self.shaking_rad)
+        root(self.covariance.variance(ANGLE) + self.shaking_rad * self.shaking_rad)
     }
 
     /// How far off the last index pulses were, root mean square, radians: what the filter thinks of itself not taken into account.
     pub fn index_scatter_rad(&self) -> f32 {
-        libm::sqrtf(self.health.index_scatter.max(0.0))
+        root(self.health.index_scatter)
     }
 
     /// Speed at the last tick, rad/s, positive in the rig's direction.
@@ -229,12 +230,12 @@ impl RotationEstimator {
 
     /// The relative standard deviation of the estimated inertia.
     pub fn sigma_inertia(&self) -> f32 {
-        libm::sqrtf(self.covariance.variance(YIELD).max(0.0)) / self.relative_yield
+        root(self.covariance.variance(YIELD)) / self.relative_yield
     }
 
     /// The standard deviation of the encoder's eccentricity, radians: what is left of the doubt whether it or an imbalance is seen.
     pub fn sigma_eccentricity_rad(&self) -> f32 {
-        libm::sqrtf(self.covariance.variance(ECCENTRIC_COS).max(self.covariance.variance(ECCENTRIC_SIN)).max(0.0))
+        root(at_least(self.covariance.variance(ECCENTRIC_COS), self.covariance.variance(ECCENTRIC_SIN)))
     }
 
     /// Whether the mirror turns.
@@ -285,8 +286,8 @@ impl RotationEstimator {
             return;
         }
         // From rest under a known torque three counts have been passed at a speed that follows; else the counts must tell.
-        let push = (torque_nm * self.nominal_yield - self.nominal_brake).max(0.0);
-        let from_torque = libm::sqrtf(2.0 * push * 3.0 * self.count_rad);
+        let push = at_least(torque_nm * self.nominal_yield - self.nominal_brake, 0.0);
+        let from_torque = root(2.0 * push * 3.0 * self.count_rad);
         let direction = if counts < 0 { -1.0 } else { 1.0 };
         let from_counts = self.window.speed();
         let speed = if from_counts.abs() > from_torque { from_counts } else { direction * from_torque };

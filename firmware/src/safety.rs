@@ -3,6 +3,7 @@
 use crate::angle::nanos_to_f32;
 use crate::config::Limits;
 use crate::fault_log::{Cause, FaultLog};
+use crate::single::at_least;
 use core::f32::consts::TAU;
 use protocol::message::{Command, Fault, Quantity, State};
 use protocol::units::Nanos;
@@ -43,7 +44,7 @@ pub struct Conditions {
 impl Conditions {
     /// Whether planes lit by this estimate are where they belong, as far as filter and index can tell.
     fn is_sharp(&self) -> bool {
-        3.0 * self.sigma_slices.max(self.scatter_slices) < DARK_SLICES && !self.contradicted
+        [self.sigma_slices, self.scatter_slices].iter().all(|off| 3.0 * off < DARK_SLICES) && !self.contradicted
     }
 
     /// Whether the mirror is in step, and known to be, as closely as good sensors allow.
@@ -156,6 +157,12 @@ impl Safety {
         self.state.may_light() && (self.state == State::Service || self.trusted)
     }
 
+    /// What the estimate was worth is not known any more: dark, until it has been good for a whole turn again.
+    pub fn distrust(&mut self) {
+        self.sharp_since = None;
+        self.trusted = false;
+    }
+
     /// Stops for `fault`; the first one stays until it is cleared.
     pub fn stop_for(&mut self, now: Nanos, fault: Fault, cause: Cause) {
         self.log.latch(fault, cause, now);
@@ -234,7 +241,7 @@ impl Safety {
         // A window of wrong counts lasts 32 ticks; a mirror that is too fast stays so for longer.
         self.fast_ticks = if fast { self.fast_ticks + 1 } else { 0 };
         if self.fast_ticks > 40 {
-            let value = conditions.speeds_rad_s.iter().fold(0.0, |most: f32, speed| most.max(speed.abs()));
+            let value = conditions.speeds_rad_s.iter().fold(0.0, |most, speed| at_least(speed.abs(), most));
             let cause = Cause { quantity: Quantity::Speed, value, limit: self.limits.speed_max_rad_s };
             return Some((Fault::Overspeed, cause));
         }

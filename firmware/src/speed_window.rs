@@ -1,5 +1,7 @@
 //! Speed from encoder counts alone, for decisions that must not depend on the filter.
 
+use crate::single::at_least;
+
 const TICKS: u32 = 32;
 /// Windows without a count after which a mirror stands: 56 ms at 4 kHz.
 const STILL_WINDOWS: u32 = 7;
@@ -21,7 +23,7 @@ impl SpeedWindow {
         self.counts = self.counts.saturating_add(counts);
         self.seconds += seconds;
         if self.ticks == TICKS {
-            self.speed = self.counts as f32 * count_rad / self.seconds.max(1e-6);
+            self.speed = self.counts as f32 * count_rad / at_least(self.seconds, 1e-6);
             self.still_windows = if self.counts == 0 { self.still_windows.saturating_add(1) } else { 0 };
             (self.ticks, self.counts, self.seconds) = (0, 0, 0.0);
         }

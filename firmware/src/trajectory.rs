@@ -1,5 +1,7 @@
 //! Planned ways of the phase error to zero, within an acceleration that the motor can give.
 
+use crate::single::{at_least, floor, root};
+
 /// A way from a phase error (radians, and its rate in rad/s) to zero at zero rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Trajectory {
@@ -50,7 +52,7 @@ impl Trajectory {
         let offered = if rate < 0.0 { error } else { -error };
         let excess = (offered - shortest) / spacing;
         // Passed at full rate the rest of the way takes half the time of an acceleration that is less by as much.
-        let wait_s = (excess - libm::floorf(excess)) * spacing / rate.abs();
+        let wait_s = (excess - floor(excess)) * spacing / rate.abs();
         let acceleration = if rate < 0.0 { limit } else { -limit };
         Some(Self::Landing {
             rate,
@@ -64,7 +66,7 @@ impl Trajectory {
     pub fn glide(error: f32, rate: f32, limit: f32) -> Self {
         // Peaks of the second derivative: 5.774 error / duration² and 3.94 rate / duration; their sum bounds that of both.
         let (from_error, from_rate) = (5.774 * error.abs(), 3.94 * rate.abs());
-        let root = libm::sqrtf(from_rate * from_rate + 4.0 * limit * from_error);
+        let root = root(from_rate * from_rate + 4.0 * limit * from_error);
         Self::glide_lasting(error, rate, ((from_rate + root) / (2.0 * limit)).clamp(0.02, 20.0))
     }
 
@@ -96,7 +98,7 @@ impl Trajectory {
         }
         match *self {
             Self::Landing { rate, acceleration, ramp_s, .. } if left >= ramp_s => {
-                let wait_s = (left - 0.5 * ramp_s + rate / acceleration).max(0.0);
+                let wait_s = at_least(left - 0.5 * ramp_s + rate / acceleration, 0.0);
                 let centre = left - 0.5 * ramp_s - wait_s;
                 Waypoint {
                     error: 0.5 * acceleration * (centre * centre + ramp_s * ramp_s / 12.0) - rate * wait_s,
@@ -113,7 +115,7 @@ impl Trajectory {
                 }
             }
             Self::Glide { coefficients: [c0, c1, c2, c3, c4, c5], duration_s } => {
-                let t = elapsed_s.max(0.0) / duration_s;
+                let t = at_least(elapsed_s, 0.0) / duration_s;
                 let first = c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5)));
                 let second = 2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * 20.0 * c5));
                 Waypoint {

@@ -289,6 +289,20 @@ fn a_control_timer_that_stops_is_a_fault() {
 }
 
 #[test]
+fn a_control_timer_that_pauses_is_dark_within_a_plane_and_lit_a_turn_later() {
+    let mut world = run(&started(Action::NoControlTicks { seconds: 0.003 }), 16, 2.9);
+    world.record(Recording { flashes_max: 10_000, ..Recording::default() });
+    play(&mut world, 0.4);
+    let flashes = world.take_flashes();
+    let gap = flashes.windows(2).map(|pair| [pair[0].end.seconds(), pair[1].start.seconds()]);
+    let [dark, lit] = gap.max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0]))).unwrap();
+    // Two control periods after the last tick, and what comes then comes with a plane.
+    assert!(dark > 3.0 && dark < 3.0 + 5e-4 + 1.0 / 5_760.0 + 2e-5, "lit until {dark}");
+    assert!(lit > 3.053 && lit < 3.2, "dark until {lit}");
+    assert!(world.fault().is_none() && world.statistics().verdict.is_clean(), "{:?}", world.statistics());
+}
+
+#[test]
 fn a_blocked_mirror_is_a_stall() {
     let scenario = Scenario { plant: PlantScale { inertia: 1.0, friction: 50.0 }, ..Scenario::default() };
     let world = run(&scenario, 17, 3.0);

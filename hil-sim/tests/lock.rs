@@ -97,17 +97,15 @@ fn a_minute_at_180_hz() {
     a_minute(&Case::new(Scenario::default(), 62.0).at_180_hz());
 }
 
-/// No retuning. With half the inertia 1.15 x is **not met** by a few starts: a spin-up of 0.7 s may teach a wrong friction. Worst seen:
-/// 1.20 of seed 198 with half the friction, 1.26 of seed 141 with all of it. Peak 0.0151 with half as much again of both.
+/// No retuning.
 #[test]
 fn motors_that_differ_by_half() {
     for plant in plants() {
         let case = Case::new(Scenario { plant, ..Scenario::default() }, 6.0);
         let runs = case.run();
         case.hold(&runs, "RMS, slices", 0.005, |run| run.rms_slices);
-        case.hold(&runs, "peak, slices", 1.03 * PEAK_SLICES, |run| run.peak_slices);
-        let limit = if plant.inertia < 1.0 { 1.3 } else { 1.15 };
-        case.hold(&runs, "start, x the torque-limited time", limit, |run| ratio(run, 0));
+        case.hold(&runs, "peak, slices", PEAK_SLICES, |run| run.peak_slices);
+        case.hold(&runs, "start, x the torque-limited time", 1.15, |run| ratio(run, 0));
     }
 }
 
@@ -115,8 +113,14 @@ fn motors_that_differ_by_half() {
 fn rate_steps_are_followed_in_time() {
     for plant in plants() {
         let limit = if plant == PlantScale::default() { 1.25 } else { 1.35 };
+        // Full torque takes half the inertia from 240 to 200 Hz in 0.1 s, and places pass 0.025 s apart: 1.35 x is **not met** there.
+        let short = if plant.inertia < 1.0 { 1.5 } else { 1.25 };
         let step = |hz| Scenario { plant, ..disturbed("rate-step", Action::ProjectorRate { hz }) };
-        for case in [Case::new(step(180.0), 4.5), Case::new(step(240.0), 4.5).at_180_hz()] {
+        for (case, limit) in [
+            (Case::new(step(180.0), 4.5), limit),
+            (Case::new(step(240.0), 4.5).at_180_hz(), limit),
+            (Case::new(step(200.0), 4.5), short),
+        ] {
             let runs = case.run();
             case.hold(&runs, "rate step, x the torque-limited time", limit, |run| ratio(run, 1));
             // Clean means that each slice is lit at its own azimuth: the picture has not turned.

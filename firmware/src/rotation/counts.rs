@@ -3,6 +3,7 @@
 use super::{ANGLE, BRAKE, ECCENTRIC_COS, ECCENTRIC_SIN, GATE_SIGMAS, RotationEstimator, SPEED, ZERO};
 use crate::angle::{advanced, radians_between};
 use crate::probit::inverse_mills;
+use crate::single::{at_least, at_most, nearest, root};
 use core::f32::consts::TAU;
 use protocol::units::Turns;
 
@@ -24,7 +25,7 @@ impl RotationEstimator {
         let within = radians_between(count_start, seen);
         let half = 0.5 * self.count_rad;
         let total = variance + self.noise.edge_variance + self.shaking_variance;
-        let sigma = libm::sqrtf(total);
+        let sigma = root(total);
         let outside = (within - half).abs() - half;
         if outside > GATE_SIGMAS * sigma && outside > 0.25 * self.count_rad {
             self.health.contradicted = true;
@@ -38,7 +39,7 @@ impl RotationEstimator {
         if variance > 0.09 * self.count_rad * self.count_rad {
             if counts != 0 {
                 // Just after a slow count the mirror is near the edge that it passed, not in the middle between two.
-                let passed = half.min(0.5 * self.speed.abs() * seconds);
+                let passed = at_most(0.5 * self.speed.abs() * seconds, half);
                 let place = if self.speed < 0.0 { self.count_rad - passed } else { passed };
                 let total = variance + self.noise.count_variance + self.shaking_variance;
                 self.correct(&gain, (place - within) / total, 1.0 / total);
@@ -81,7 +82,7 @@ impl RotationEstimator {
 
     /// Something that the model does not know has moved the mirror by the root of `surprise` since the last index: learn faster.
     pub(super) fn expect_push(&mut self, surprise: f32) {
-        let seconds = (self.health.radians_since_index / self.speed.abs().max(0.1)).clamp(0.005, 0.2);
+        let seconds = (self.health.radians_since_index / at_least(self.speed.abs(), 0.1)).clamp(0.005, 0.2);
         let speed = surprise / (seconds * seconds);
         self.covariance.widen(ANGLE, surprise);
         self.covariance.widen(SPEED, 4.0 * speed);
@@ -94,7 +95,7 @@ impl RotationEstimator {
         let half = 0.5 * self.count_rad;
         if self.health.encoder_refused == 8 {
             // No torque moves the mirror by a quarter of a count in a tick: counts were lost or added.
-            let slipped = libm::roundf((within - half) / self.count_rad);
+            let slipped = nearest((within - half) / self.count_rad);
             self.encoder_zero = advanced(self.encoder_zero, -slipped * self.count_rad);
             self.covariance.widen(ZERO, 0.1 * self.count_rad * self.count_rad);
             self.health.radians_since_slip = 0.0;

@@ -3,6 +3,7 @@
 use super::{ANGLE, DRAG, ECCENTRIC_COS, ECCENTRIC_SIN, GATE_SIGMAS, Index, RotationEstimator, SPEED, YIELD, ZERO};
 use crate::angle::{advanced, nanos_to_f32, radians_between, sin_cos};
 use crate::covariance::Covariance;
+use crate::single::{at_least, at_most};
 use protocol::units::{Nanos, Turns};
 
 /// Closer than this to where it was expected, an index pulse is believed whatever the estimate says: chance would put one of 300 here.
@@ -69,9 +70,9 @@ impl RotationEstimator {
         if surprise > 1.0 {
             let expected =
                 [(ECCENTRIC_COS, ECCENTRICITY), (ECCENTRIC_SIN, ECCENTRICITY), (YIELD, INERTIA), (DRAG, DRAG_SHARE)];
-            let room = expected.map(|(state, most)| most / self.covariance.variance(state).max(1e-12));
-            let most = room.into_iter().fold(DOUBT_MOST, f32::min);
-            self.covariance.scale(surprise.min(most).max(1.0));
+            let room = expected.map(|(state, most)| most / at_least(self.covariance.variance(state), 1e-12));
+            let most = room.into_iter().fold(DOUBT_MOST, at_most);
+            self.covariance.scale(at_least(at_most(surprise, most), 1.0));
         }
     }
 

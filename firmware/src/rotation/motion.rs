@@ -6,6 +6,7 @@ use super::{
 };
 use crate::angle::{advanced, sin_cos};
 use crate::covariance::Covariance;
+use crate::single::{at_least, root};
 use protocol::units::Turns;
 
 /// What may be expected of any motor: ripple as a share of the torque given, cogging as a share of the most, and their periods a turn.
@@ -31,7 +32,7 @@ impl RotationEstimator {
     fn sigma_brake(&self) -> f32 {
         let [per_yield, per_drag] = self.centre;
         let (_, variance) = self.covariance.seen_through([(BRAKE, 1.0), (YIELD, per_yield), (DRAG, per_drag)]);
-        libm::sqrtf(variance.max(0.0))
+        root(variance)
     }
 
     /// The torque that keeps acceleration at `acceleration` rad/s² while turning at `speed` rad/s at angle `angle`, N m: friction and
@@ -97,14 +98,15 @@ impl RotationEstimator {
     /// How far ripple and cogging move the mirror back and forth about the motion that is modelled: by their acceleration over their
     /// frequency squared. To the counts that is noise, and the same for a radian of it, so that its variance counts that many times.
     fn shake(&mut self, seconds: f32, torque_nm: f32) {
-        let speed = self.speed.abs().max(1.0);
+        let speed = at_least(self.speed.abs(), 1.0);
         let ripple = speed * RIPPLE_PER_TURN;
         let cogging = speed * COGGING_PER_TURN;
         let per_nm = RIPPLE_SHARE * self.acceleration_per_torque();
         let from_ripple = per_nm * torque_nm.abs() / (ripple * ripple);
         let from_cogging = COGGING_SHARE * self.strength / (cogging * cogging);
         self.shaking_rad = from_ripple + from_cogging;
-        self.shaking_variance = self.shaking_rad * self.shaking_rad * (1.0 / (ripple * seconds.max(1e-5))).max(1.0);
+        self.shaking_variance =
+            self.shaking_rad * self.shaking_rad * at_least(1.0 / (ripple * at_least(seconds, 1e-5)), 1.0);
         // A torque that changes in the middle of a ripple leaves a change of speed behind.
         let kick = per_nm * (torque_nm - self.torque_nm) / ripple;
         self.covariance.widen(SPEED, kick * kick);
