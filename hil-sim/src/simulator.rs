@@ -4,9 +4,11 @@ use crate::device::{Device, Endpoint, Input, Report};
 use crate::eye::{Flash, Picture};
 use crate::motor::Motor;
 use crate::scenario::Scenario;
+use crate::streaming::Subject;
 use crate::world::World;
 use firmware::config::ConfigError;
 use firmware::plane_store::{Plane, TurnHandle};
+use protocol::codec::plane_check;
 use protocol::rig::Rig;
 use protocol::timing::Rotation;
 use protocol::units::Nanos;
@@ -33,7 +35,18 @@ impl Simulator {
     /// A device for `rig`, switched on.
     pub fn new(rig: &Rig, motor: Motor, scenario: Scenario, seed: u64) -> Result<Self, ConfigError> {
         let frame_latency = Nanos::from_seconds(rig.projector.frame_latency_us * 1e-6);
-        let world = World::new(&rig.rotation(), frame_latency, &motor, &scenario, seed)?;
+        Self::turning(&rig.rotation(), frame_latency, motor, scenario, seed)
+    }
+
+    /// The same for turns of `rotation`; a frame's first plane follows its pulse after `frame_latency`.
+    pub fn turning(
+        rotation: &Rotation,
+        frame_latency: Nanos,
+        motor: Motor,
+        scenario: Scenario,
+        seed: u64,
+    ) -> Result<Self, ConfigError> {
+        let world = World::new(rotation, frame_latency, &motor, &scenario, seed)?;
         Ok(Self {
             device: Device::new(),
             world,
@@ -148,6 +161,20 @@ impl Endpoint for Simulator {
     fn advance(&mut self, seconds: f64) {
         self.world.advance(seconds);
         self.release();
+    }
+}
+
+impl Subject for Simulator {
+    fn world(&self) -> &World {
+        &self.world
+    }
+
+    fn world_mut(&mut self) -> &mut World {
+        &mut self.world
+    }
+
+    fn check_of(&mut self, turn: TurnHandle, slice: u16) -> Option<u64> {
+        self.device.store().plane(turn, slice).map(|plane| plane_check(plane.bytes()))
     }
 }
 
