@@ -3,13 +3,16 @@
 
 use crate::checkers::Flash;
 use crate::device::Endpoint;
+use crate::motor::Motor;
+use crate::scenario::Scenario;
+use crate::simulator::Simulator;
 use crate::statistics::LockStatistics;
 use crate::world::{Recording, World};
 use firmware::plane_store::TurnHandle;
 use protocol::codec::{ImageSize, compress, plane_check, turn_check};
 use protocol::message::Status;
-use protocol::timing::Rotation;
-use protocol::units::Nanos;
+use protocol::timing::{Direction, Rotation};
+use protocol::units::{Nanos, Turns};
 use sender::Sender;
 use witness::Witness;
 
@@ -25,6 +28,11 @@ pub enum Trouble {
     Garbage,
     /// Each turn becomes whole at a random time, 5 to 180 ms after it was begun.
     Lateness,
+}
+
+impl Trouble {
+    /// Each of them.
+    pub const ALL: [Self; 3] = [Self::Silence, Self::Garbage, Self::Lateness];
 }
 
 /// When a host's trouble begins, seconds: the mirror has been in step for a while.
@@ -87,6 +95,19 @@ impl Turn {
     }
 }
 
+/// How turns are cut in a run of `seed`: odd ones turn clockwise.
+pub fn rotation(seed: u64) -> Rotation {
+    let direction = if seed.is_multiple_of(2) { Direction::CounterClockwise } else { Direction::Clockwise };
+    Rotation::new(288, 24, 240_000_000, Turns::fraction(1, 9), direction).expect("a rotation that can be")
+}
+
+/// A run on the simulated device, with the reference motor.
+pub fn native(trouble: Trouble, seed: u64) -> Outcome {
+    let (rotation, motor) = (rotation(seed), Motor::reference());
+    let simulator = Simulator::turning(&rotation, Nanos::ZERO, motor, Scenario::without_events(), seed);
+    run(&mut simulator.expect("a controller for the reference motor"), &rotation, trouble, seed)
+}
+
 /// What came of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
@@ -102,9 +123,10 @@ pub struct Outcome {
     pub statistics: LockStatistics,
 }
 
-/// Streams turns of `rotation` and `size` to `subject`, a device that has just been switched on, for [`RUN_S`] seconds. `seed` decides what the
+/// Streams turns of `rotation` to `subject`, a device that has just been switched on, for [`RUN_S`] seconds. `seed` decides what the
 /// host does.
-pub fn run(subject: &mut impl Subject, rotation: &Rotation, size: ImageSize, trouble: Trouble, seed: u64) -> Outcome {
+pub fn run(subject: &mut impl Subject, rotation: &Rotation, trouble: Trouble, seed: u64) -> Outcome {
+    let size = ImageSize::new(64, 48).expect("a size that can be");
     let mut sender = Sender::new(rotation, size, trouble, seed);
     let mut witness = Witness::new(rotation);
     let (mut lit, mut dark_before) = (Vec::new(), None);

@@ -3,8 +3,8 @@ use firmware::fault_log::{Cause, FaultLog};
 use proptest::prelude::*;
 use protocol::codec::{ImageSize, compress, plane_check, turn_check};
 use protocol::message::{Ack, BeginTurn, Configure, Control, EndTurn, Hello, HelloReply, Message, Nack};
-use protocol::message::{Command, Fault, PlaneData, SCHEMA, State, VERSION};
-use protocol::packet::{FRAME_BYTES_MAX, encode};
+use protocol::message::{Command, Fault, PlaneData, Reason, SCHEMA, State, VERSION};
+use protocol::packet::{Decoder, FRAME_BYTES_MAX, PACKET_BYTES_MAX, encode};
 use protocol::timing::{Direction, Rotation};
 use protocol::units::{Nanos, Turns};
 
