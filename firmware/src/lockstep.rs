@@ -125,7 +125,7 @@ pub trait Gauge {
 }
 
 /// The image's end.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Session<M> {
     wire: WireEnd<FrameStore<M>>,
     running: Option<Running>,

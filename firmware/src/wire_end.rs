@@ -6,11 +6,14 @@ use heapless::Vec;
 use protocol::message::{Faults, Message, Reason};
 use protocol::packet::{Counts, Decoder, PACKET_BYTES_MAX, encode};
 
+/// The first packet's number: it wraps after a thousand packets, so that every run shows that nothing hangs on it.
+const FIRST_SEQUENCE: u32 = 0u32.wrapping_sub(1_000);
+
 /// A packet to the host.
 pub type Packet = Vec<u8, ANSWER_BYTES_MAX>;
 
 /// Whatever carries bytes asks it for answers; see [`Conversation`] for what it holds.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct WireEnd<S> {
     decoder: Decoder<PACKET_BYTES_MAX>,
     /// What the packets say; the store.
@@ -18,10 +21,16 @@ pub struct WireEnd<S> {
     sequence: u32,
 }
 
+impl<S: PlaneStore + Default> Default for WireEnd<S> {
+    fn default() -> Self {
+        Self::new(S::default())
+    }
+}
+
 impl<S: PlaneStore> WireEnd<S> {
     /// Waits for a hello; planes go to `store`.
     pub const fn new(store: S) -> Self {
-        Self { decoder: Decoder::new(), conversation: Conversation::new(store), sequence: 0 }
+        Self { decoder: Decoder::new(), conversation: Conversation::new(store), sequence: FIRST_SEQUENCE }
     }
 
     /// Reads `bytes` up to the end of the next undamaged packet and leaves the rest in it: the answer, and what the packet asks of the

@@ -57,6 +57,7 @@ impl Core for Twins {
         let mut same = image == native && bits(&image) == bits(&native);
         if self.steps.is_multiple_of(500) {
             same &= self.image.estimates() == self.native.estimates();
+            same &= self.image.faults() == self.native.faults().faults();
         }
         if !same {
             let believed = (self.image.estimates(), self.native.estimates());
