@@ -204,7 +204,7 @@ impl<M: Memory> FrameStore<M> {
         Self::default()
     }
 
-    /// The same where nothing can be computed yet.
+    /// The same over `memory`, as a constant.
     pub const fn over(memory: M) -> Self {
         Self { format: None, slots: [Use::Free; SLOTS], under_way: None, memory }
     }
