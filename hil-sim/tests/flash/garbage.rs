@@ -78,7 +78,7 @@ fn filled(seed: u64, good: Option<usize>) -> (Bench, String) {
 
 #[test]
 fn garbage_never_runs() {
-    (0..400u64).into_par_iter().for_each(|seed| {
+    (0..150u64).into_par_iter().for_each(|seed| {
         let (mut device, what) = filled(seed, None);
         for _ in 0..4 {
             let (decision, mut slots) = device.start().unwrap();
@@ -96,7 +96,7 @@ fn garbage_never_runs() {
 #[test]
 fn what_is_signed_runs_from_wherever_it_lies() {
     let images = [image(1, Bench::code_bytes(PAGES))];
-    (0..300u64).into_par_iter().for_each(|seed| {
+    (0..150u64).into_par_iter().for_each(|seed| {
         let (mut device, what) = filled(seed, Some((seed % 3) as usize));
         assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| device.rest(true))).is_ok(), "{what}");
         device.runs(&images);
