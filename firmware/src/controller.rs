@@ -324,7 +324,7 @@ impl Controller {
         self.armed_after = Some(reading.serial);
         self.doubtful_frames = if self.projector.is_doubtful() { self.doubtful_frames.saturating_add(1) } else { 0 };
         // A doubt of a frame leaves a gap in the turn; one of half a turn ends it.
-        let doubted = 2 * self.doubtful_frames > self.frames.count().max(2);
+        let doubted = self.doubtful_frames > self.frames.count().max(2) / 2;
         let lit = matches!(self.safety.state(), State::Locked | State::Holdover) && self.safety.may_light() && !doubted;
         let next = self.frames.after(reading.frame, 1 + self.lock.slot());
         let (frame, released) = self.sequencer.arm(next, lit);

@@ -4,6 +4,7 @@
 //! stays.
 
 use crate::controller::Estimates;
+use crate::hosted::Screen;
 use crate::plane_store::{PlaneStore, TurnHandle};
 use core::f32::consts::TAU;
 use heapless::Vec;
@@ -50,15 +51,15 @@ pub struct Report {
 }
 
 impl Report {
-    /// Of a controller whose turns have `slices` slices and whose screen shows nothing.
-    pub fn new(state: State, fault: Option<Fault>, estimates: &Estimates, slices: u32) -> Self {
+    /// Of a controller whose turns have `slices` slices.
+    pub fn new(state: State, fault: Option<Fault>, estimates: &Estimates, slices: u32, screen: Screen) -> Self {
         Self {
             state,
             fault,
             phase_error: (estimates.phase_error_slices / slices as f32 * 4_294_967_296.0) as i32,
             speed_microhertz: (estimates.speed_rad_s.abs() / TAU * 1e6) as u32,
-            turns_shown: 0,
-            on_screen: None,
+            turns_shown: screen.turns_shown,
+            on_screen: screen.turn,
         }
     }
 }
@@ -100,7 +101,7 @@ pub struct Conversation<S> {
 
 impl<S: PlaneStore> Conversation<S> {
     /// Waits for a hello; planes go to `store`.
-    pub fn new(store: S) -> Self {
+    pub const fn new(store: S) -> Self {
         Self {
             store,
             connected: false,
@@ -110,7 +111,7 @@ impl<S: PlaneStore> Conversation<S> {
             last: None,
             last_order: None,
             told: None,
-            counters: Counters::default(),
+            counters: Counters { refused: 0, turns_received: 0, turns_abandoned: 0 },
         }
     }
 

@@ -21,6 +21,16 @@ fn the_first_fault_holds_with_its_cause_and_is_counted() {
 }
 
 #[test]
+fn a_count_stops_at_its_largest() {
+    let mut log = stalled();
+    for _ in 0..70_000 {
+        log.clear();
+        log.latch(Fault::Stall, Cause::LEVEL, Nanos::ZERO);
+    }
+    assert_eq!(log.faults().count(Fault::Stall), u16::MAX);
+}
+
+#[test]
 fn a_memory_that_was_never_written_is_a_fault() {
     for fill in [0x00, 0xff, 0x5a] {
         assert_eq!(FaultLog::from_bytes(&[fill; LOG_BYTES]).latched(), Some(Fault::Unknown));

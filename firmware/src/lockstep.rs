@@ -2,28 +2,40 @@
 //!
 //! The simulator's time is the controller's: an image that runs on a slow emulator, or waits for a day between two inputs, answers as
 //! the native controller does, bit for bit. One request is under way at a time, and has one input: any answer may change light or torque,
-//! and with them what happens next.
+//! and with them what happens next. What the host says travels the same way, so that it arrives at a time that is the same in every run.
 //!
 //! A frame is postcard of a serial number (u8) and a request or an answer; the answer has its request's serial number. Whatever carries
 //! frames keeps them apart and whole.
 
 use crate::config::Config;
 use crate::controller::{Controller, Estimates, Input, Output};
-use protocol::message::Command;
+use crate::conversation::ANSWER_BYTES_MAX;
+use crate::frame_store::{FrameStore, Memory};
+use crate::hosted::Hosted;
+use crate::plane_store::TurnHandle;
+use crate::wire_end::{Packet, WireEnd};
+use heapless::Vec;
+use protocol::codec::plane_check;
+use protocol::message::Faults;
 use protocol::timing::Rotation;
 use protocol::units::Nanos;
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Counts up where requests or answers change.
-pub const VERSION: u16 = 1;
+pub const VERSION: u16 = 2;
 
-/// The longest frame, bytes: a configuration has 119.
-pub const FRAME_BYTES_MAX: usize = 128;
+/// The most bytes of the host in one request.
+pub const HOST_BYTES_MAX: usize = 512;
+
+/// The longest frame, bytes: what is around those of the host has 16.
+pub const FRAME_BYTES_MAX: usize = HOST_BYTES_MAX + 16;
+
+/// What the host is told at once: a status and its faults at most.
+pub type Said = Vec<u8, { 2 * ANSWER_BYTES_MAX }>;
 
 /// From the simulator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Request {
+pub enum Request<'a> {
     /// Who is there? Keeps its place in later versions, so that any two of them can name both.
     Hello,
     /// A new controller.
@@ -41,10 +53,28 @@ pub enum Request {
     StackBytes,
     /// How long is a thousand instructions?
     Thousand,
+    /// The host has said this, which is read to the end of the first packet.
+    Host {
+        /// The controller's time.
+        now: Nanos,
+        /// At most [`HOST_BYTES_MAX`].
+        bytes: &'a [u8],
+    },
+    /// It is time to tell the host how the controller does.
+    Report,
+    /// What lies in the frame store?
+    Plane {
+        /// The slot.
+        turn: TurnHandle,
+        /// The slice.
+        slice: u16,
+    },
+    /// Faults so far.
+    Faults,
 }
 
 /// From the image.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Answer {
     /// The image's [`VERSION`].
     Hello(u16),
@@ -63,8 +93,23 @@ pub enum Answer {
     StackBytes(u32),
     /// Ticks of the machine's counter.
     Thousand(u32),
-    /// An impossible configuration, or a step without one.
+    /// An impossible configuration, or anything that needs a controller without one.
     Refused,
+    /// What the host's bytes came to.
+    Heard {
+        /// How many of them were read.
+        taken: u16,
+        /// What the host is told.
+        said: Said,
+        /// What the controller answered, if it was asked.
+        output: Option<Output>,
+    },
+    /// What the host is told, if it has said hello.
+    Said(Said),
+    /// [`plane_check`] of what lies in the store now; nothing where the turn is not whole.
+    Plane(Option<u64>),
+    /// As a host is told of them.
+    Faults(Faults),
 }
 
 /// What the machine measures around a controller.
@@ -80,63 +125,96 @@ pub trait Gauge {
 }
 
 /// The image's end.
-#[derive(Debug, Default)]
-pub struct Session(Option<Running>);
+#[derive(Debug)]
+pub struct Session<M> {
+    wire: WireEnd<FrameStore<M>>,
+    running: Option<Running>,
+}
 
 #[derive(Debug)]
 struct Running {
-    controller: Controller,
+    hosted: Hosted,
     now: Nanos,
-    output: Output,
 }
 
-impl Running {
-    fn step(&mut self, now: Nanos, input: Input) -> Output {
-        self.now = now;
-        self.output = self.controller.step(now, input);
-        self.output
-    }
-}
-
-impl Session {
-    /// Without a controller.
-    pub const fn new() -> Self {
-        Self(None)
+impl<M: Memory + Default> Session<M> {
+    /// Without a controller; planes go to `memory`.
+    pub const fn new(memory: M) -> Self {
+        Self { wire: WireEnd::new(FrameStore::over(memory)), running: None }
     }
 
     /// Does what `request` asks.
-    pub fn answer(&mut self, request: &Request, gauge: &mut impl Gauge) -> Answer {
-        match (request, &mut self.0) {
+    pub fn answer(&mut self, request: &Request<'_>, gauge: &mut impl Gauge) -> Answer {
+        match (request, &mut self.running) {
             (Request::Hello, _) => Answer::Hello(VERSION),
             (Request::StackBytes, _) => Answer::StackBytes(gauge.stack_bytes()),
             (Request::Thousand, _) => Answer::Thousand(gauge.thousand()),
-            (Request::Begin(config), running) => {
-                let output = Output::default();
-                *running = begun(config).map(|controller| Running { controller, now: Nanos::ZERO, output });
-                if running.is_some() { Answer::Begun } else { Answer::Refused }
-            }
-            (Request::Estimates, Some(running)) => Answer::Estimates(running.controller.estimates()),
+            (Request::Begin(config), _) => self.begin(config),
+            (Request::Estimates, Some(running)) => Answer::Estimates(running.hosted.controller().estimates()),
             (&Request::Step { now, input }, Some(running)) => {
-                let (output, ticks) = gauge.count(|| running.step(now, input));
+                running.now = now;
+                let (output, ticks) = gauge.count(|| running.hosted.step(now, input));
+                self.release(&output);
                 Answer::Stepped { output, ticks }
             }
-            (Request::Estimates | Request::Step { .. }, None) => Answer::Refused,
+            (&Request::Host { now, bytes }, Some(running)) => {
+                running.now = now;
+                let mut left = bytes;
+                let (said, output) = self.hear(&mut left).unwrap_or_default();
+                Answer::Heard {
+                    taken: bytes.len().saturating_sub(left.len()) as u16,
+                    said: said_by([Some(said), None]),
+                    output,
+                }
+            }
+            (Request::Report, Some(_)) => Answer::Said(self.report()),
+            (&Request::Plane { turn, slice }, Some(_)) => {
+                let plane = self.wire.conversation.store().plane(turn, slice);
+                Answer::Plane(plane.map(|plane| plane_check(plane.bytes())))
+            }
+            (Request::Faults, Some(running)) => Answer::Faults(running.hosted.faults().faults()),
+            (_, None) => Answer::Refused,
         }
     }
 
-    /// An order that did not come from the simulator, carried out at the time of the last step; what follows from it shows with the
-    /// next one.
-    pub fn command(&mut self, command: Command) {
-        if let Some(running) = &mut self.0 {
-            running.step(running.now, Input::Command(command));
+    /// The host has said this at the time of the last step: see [`WireEnd::hear`]. Without a controller nobody listens.
+    pub fn hear(&mut self, bytes: &mut &[u8]) -> Option<(Packet, Option<Output>)> {
+        let running = self.running.as_mut()?;
+        let (said, request) = self.wire.hear(bytes)?;
+        let output = request.and_then(|request| running.hosted.request(running.now, request));
+        if let Some(output) = &output {
+            self.release(output);
         }
+        Some((said, output))
     }
 
-    /// What the controller does and believes, and how its turns are cut. `None` without a controller.
-    pub fn report(&self) -> Option<(Output, Estimates, Rotation)> {
-        let Running { controller, output, .. } = self.0.as_ref()?;
-        Some((*output, controller.estimates(), controller.config().rotation))
+    /// What the host is told of the controller now; nothing where nobody has said hello.
+    pub fn report(&mut self) -> Said {
+        let Some(Running { hosted, .. }) = &self.running else { return Said::new() };
+        said_by([self.wire.status(&hosted.report()), self.wire.faults(hosted.faults().faults())])
     }
+
+    /// A new controller, and a new end of the wire.
+    fn begin(&mut self, config: &Config) -> Answer {
+        self.wire = WireEnd::new(FrameStore::over(M::default()));
+        let hosted = begun(config).map(|controller| Hosted::new(controller, |_| None));
+        self.running = hosted.map(|hosted| Running { hosted, now: Nanos::ZERO });
+        if self.running.is_some() { Answer::Begun } else { Answer::Refused }
+    }
+
+    fn release(&mut self, output: &Output) {
+        output.released.into_iter().flatten().for_each(|turn| self.wire.conversation.release(turn));
+    }
+}
+
+/// One after the other.
+fn said_by(packets: [Option<Packet>; 2]) -> Said {
+    let mut said = Said::new();
+    for packet in packets.into_iter().flatten() {
+        // There is room for both.
+        let _ = said.extend_from_slice(&packet);
+    }
+    said
 }
 
 /// Bytes came over a wire: a rotation may be one that nobody could have made.
@@ -154,95 +232,10 @@ pub fn write<'a>(serial: u8, message: &impl Serialize, frame: &'a mut [u8]) -> O
 }
 
 /// The serial number and the message in `frame`. `None` where it is no such message.
-pub fn read<T: DeserializeOwned>(frame: &[u8]) -> Option<(u8, T)> {
+pub fn read<'a, T: Deserialize<'a>>(frame: &'a [u8]) -> Option<(u8, T)> {
     postcard::from_bytes(frame).ok()
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::config::tests::example;
-    use protocol::timing::Direction;
-    use protocol::units::Turns;
-
-    struct NoGauge;
-
-    impl Gauge for NoGauge {
-        fn count<T>(&mut self, step: impl FnOnce() -> T) -> (T, u32) {
-            (step(), 0)
-        }
-
-        fn stack_bytes(&self) -> u32 {
-            0
-        }
-
-        fn thousand(&mut self) -> u32 {
-            0
-        }
-    }
-
-    #[test]
-    fn a_session_answers_as_the_controller_does() {
-        let config = example(288, 240, Direction::Clockwise);
-        let (mut session, mut controller) = (Session::new(), Controller::new(config).unwrap());
-        let inputs = [
-            Input::Command(Command::Start),
-            Input::Tick { encoder_count: 7 },
-            Input::FramePulse { at: Nanos(4_000_000) },
-            Input::Tick { encoder_count: 8 },
-        ];
-        let now = Nanos(5_000_000);
-        assert_eq!(session.answer(&Request::Step { now, input: inputs[0] }, &mut NoGauge), Answer::Refused);
-        assert_eq!(session.answer(&Request::Begin(config), &mut NoGauge), Answer::Begun);
-        for input in inputs {
-            let output = controller.step(now, input);
-            let answer = session.answer(&Request::Step { now, input }, &mut NoGauge);
-            assert_eq!(answer, Answer::Stepped { output, ticks: 0 });
-            assert_eq!(session.report().unwrap(), (output, controller.estimates(), config.rotation));
-        }
-        session.command(Command::Stop);
-        assert_eq!(session.report().unwrap().0.state, protocol::message::State::Idle);
-    }
-
-    #[test]
-    fn a_rotation_that_cannot_be_is_refused() {
-        let mut frame = [0; FRAME_BYTES_MAX];
-        let mut session = Session::new();
-        let config = example(288, 240, Direction::Clockwise);
-        let written = write(9, &Request::Begin(config), &mut frame).unwrap().len();
-        let (serial, request) = read::<Request>(&frame[..written]).unwrap();
-        assert_eq!((serial, &request), (9, &Request::Begin(config)));
-        // 0 slices: the second byte of postcard's 288 and the one before it.
-        let mut bytes = [0; FRAME_BYTES_MAX];
-        let plain = postcard::to_slice(&request, &mut bytes).unwrap();
-        assert_eq!(plain[1..3], [0xa0, 0x02]);
-        plain[1..3].copy_from_slice(&[0x80, 0x00]);
-        let request: Request = postcard::from_bytes(plain).unwrap();
-        assert_eq!(session.answer(&request, &mut NoGauge), Answer::Refused);
-    }
-
-    #[test]
-    fn the_longest_messages_fit_a_frame() {
-        let handle = crate::plane_store::TurnHandle(255);
-        let output = Output {
-            torque_nm: f32::MIN,
-            light: true,
-            armed: Some(crate::sequencer::Frame::Slices { turn: handle, frame: u16::MAX }),
-            released: [Some(handle); 2],
-            state: protocol::message::State::Fault,
-            fault: Some(protocol::message::Fault::Watchdog),
-        };
-        let at = Nanos(u64::MAX);
-        let mut config = example(288, 240, Direction::Clockwise);
-        config.rotation = Rotation::new(4_080, 24, 10_000_000_000, Turns(u32::MAX), Direction::Clockwise).unwrap();
-        config.sensors.encoder_counts_per_turn = u32::MAX;
-        (config.motor.command_delay, config.clock.frame_latency) = (at, at);
-        (config.limits.holdover, config.limits.lock, config.limits.watchdog) = (at, at, at);
-        let mut frame = [0; FRAME_BYTES_MAX];
-        let begin = write(255, &Request::Begin(config), &mut frame).unwrap();
-        assert_eq!(begin.len(), 127);
-        assert!(write(255, &Answer::Stepped { output, ticks: u32::MAX }, &mut frame).is_some());
-        assert!(write(255, &Request::Step { now: at, input: Input::PlanePulse { at } }, &mut frame).is_some());
-        assert_eq!(read::<Answer>(&[3, 77]), None);
-    }
-}
+#[path = "lockstep_tests.rs"]
+mod tests;

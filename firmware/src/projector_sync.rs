@@ -30,6 +30,9 @@ pub enum Pulse {
     Restarted,
 }
 
+/// The first frame's serial number: it wraps 3 s later at 240 Hz, when the mirror is in step, so that every run shows that nothing hangs on it.
+const FIRST_SERIAL: u32 = 0u32.wrapping_sub(720);
+
 /// A place in the projector's sequence of frames, as far as light goes: latency is taken off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClockReading {
@@ -93,7 +96,7 @@ impl ProjectorSync {
             tracking: false,
             filter: Filter::default(),
             frame: 0,
-            serial: 0,
+            serial: FIRST_SERIAL,
             frames_since_pulse: 0,
             refused: 0,
             doubtful: false,

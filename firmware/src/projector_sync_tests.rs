@@ -214,3 +214,22 @@ fn pulses_that_scatter_more_than_was_told_are_learnt_and_forgotten() {
     });
     assert_ne!(refused(&mut clock, 8.0), 0);
 }
+
+#[test]
+fn a_serial_number_wraps_early_and_nothing_else_is_seen_of_it() {
+    let mut clock = Clock::new(50.0);
+    let mut last: Option<ClockReading> = None;
+    let mut wraps = 0;
+    for _ in 0..1_000 {
+        clock.tick();
+        let reading = clock.sync.reading(Nanos((clock.next_ns - 0.5 * clock.period_ns) as u64));
+        if let (Some(last), Some(reading)) = (last, reading) {
+            assert_eq!(reading.serial, last.serial.wrapping_add(1));
+            assert_eq!(reading.frame, (last.frame + 1) % 12);
+            assert!((reading.fraction - 0.5).abs() < 0.01);
+            wraps += u32::from(reading.serial < last.serial);
+        }
+        last = reading.or(last);
+    }
+    assert_eq!(wraps, 1);
+}

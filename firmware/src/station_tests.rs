@@ -1,9 +1,13 @@
 use super::*;
+use crate::config::Config;
 use crate::config::tests::example;
+use crate::controller::Controller;
+use crate::plane_store::TurnHandle;
 use proptest::prelude::*;
 use protocol::codec::ImageSize;
-use protocol::message::{Command, Fault};
-use protocol::timing::Direction;
+use protocol::message::{Command, Fault, State};
+use protocol::timing::{Direction, Rotation};
+use protocol::units::Nanos;
 use std::format;
 use std::vec::Vec;
 
@@ -11,13 +15,13 @@ use std::vec::Vec;
 const HZ: NonZeroU32 = NonZeroU32::new(200_000_000).unwrap();
 const STOPPED: Levels = Levels { emergency_stop: true, guard_open: false };
 
-fn figures(rotation: Rotation) -> Config {
-    Config { rotation, ..example(288, 240, Direction::CounterClockwise) }
+fn figures(rotation: Rotation) -> Option<Config> {
+    Some(Config { rotation, ..example(288, 240, Direction::CounterClockwise) })
 }
 
 fn station() -> Station {
     let controller = Controller::new(example(288, 240, Direction::CounterClockwise)).unwrap();
-    Station::new(controller, figures, HZ)
+    Station::new(Hosted::new(controller, figures), HZ)
 }
 
 fn outputs(station: &mut Station, count: u32, event: Option<Event>, levels: Levels) -> Vec<Output> {
@@ -28,7 +32,7 @@ fn outputs(station: &mut Station, count: u32, event: Option<Event>, levels: Leve
 
 fn state(station: &mut Station, count: u32, event: Event) -> State {
     outputs(station, count, Some(event), Levels::default());
-    station.report().state
+    station.hosted.report().state
 }
 
 fn configured(slices: u32) -> Event {
@@ -61,14 +65,14 @@ fn only_an_idle_controller_is_put_aside() {
     let given_back = [Some(TurnHandle(1)), None];
     assert_eq!(state(&mut station, 1, START), State::SpinUp);
     assert_eq!(state(&mut station, 2, configured(576)), State::SpinUp);
-    assert_eq!(station.config().rotation.slices(), 288);
+    assert_eq!(station.hosted.config().rotation.slices(), 288);
     assert_eq!(outputs(&mut station, 3, Some(TURN), Levels::default())[0].released, given_back);
     // Nor one that holds a fault, which would be forgotten.
     outputs(&mut station, 4, None, STOPPED);
     assert_eq!(state(&mut station, 5, configured(576)), State::Fault);
     assert_eq!(state(&mut station, 6, CLEAR), State::Idle);
     assert_eq!(state(&mut station, 7, configured(576)), State::Idle);
-    assert_eq!(station.config().rotation.slices(), 576);
+    assert_eq!(station.hosted.config().rotation.slices(), 576);
     assert_eq!(outputs(&mut station, 8, Some(TURN), Levels::default())[0].released, [None; 2]);
     // 4000 ticks a second cannot arm so many frames: the controller stays, and turns for it come back.
     let fast = Rotation::new(288, 24, 3_000_000_000, Default::default(), Direction::Clockwise).unwrap();
@@ -83,7 +87,7 @@ fn a_guard_that_opens_while_the_host_configures_is_not_forgotten() {
     let guard = Levels { guard_open: true, ..Levels::default() };
     assert_eq!(outputs(&mut station, 1, Some(configured(576)), guard).len(), 1);
     assert_eq!(outputs(&mut station, 2, Some(START), guard).last().map(|output| output.state), Some(State::Fault));
-    assert_eq!(station.config().rotation.slices(), 288);
+    assert_eq!(station.hosted.config().rotation.slices(), 288);
 }
 
 #[test]
@@ -93,7 +97,7 @@ fn a_shown_slice_is_a_shown_turn() {
     for (count, event) in [(1, Event::Tick(0)), (2, TURN), (3, service), (50_003, Event::Tick(0))] {
         outputs(&mut station, count, Some(event), Levels::default());
     }
-    let report = station.report();
+    let report = station.hosted.report();
     assert_eq!((report.on_screen, report.turns_shown), (Some(TurnHandle(1)), 1));
 }
 
@@ -124,6 +128,6 @@ proptest! {
             let seen = outputs(&mut station, count as u32, Some(event), Levels::default());
             prop_assert_eq!(seen, [controller.step(nanos(count), input)]);
         }
-        prop_assert_eq!(format!("{:?}", station.controller), format!("{controller:?}"));
+        prop_assert_eq!(format!("{:?}", station.hosted.controller()), format!("{controller:?}"));
     }
 }

@@ -4,11 +4,11 @@
 //! have their checks; whatever else happens, what is on screen stays.
 
 use crate::frame_store::MemoryStore;
-use firmware::conversation::{ANSWER_BYTES_MAX, Conversation};
 pub use firmware::conversation::{Counters, Report, Request as Input};
 pub use firmware::plane_store::{Plane, TurnHandle};
-use protocol::message::{Faults, Message, Reason};
-use protocol::packet::{Counts, Decoder, PACKET_BYTES_MAX, encode};
+use firmware::wire_end::WireEnd;
+use protocol::message::Faults;
+use protocol::packet::Counts;
 use std::collections::VecDeque;
 
 /// Something at the far end of a link, in simulated time.
@@ -27,13 +27,9 @@ pub trait Endpoint {
 /// [inputs](Self::next_input) to the controller and the controller's releases and reports back.
 #[derive(Debug, Default)]
 pub struct Device {
-    decoder: Decoder<PACKET_BYTES_MAX>,
-    /// Of decoders before a reset.
-    packets_before: Counts,
-    conversation: Conversation<MemoryStore>,
+    wire: WireEnd<MemoryStore>,
     inputs: VecDeque<Input>,
     outgoing: Vec<u8>,
-    sequence: u32,
     report: Option<Report>,
     faults: Option<Faults>,
 }
@@ -51,7 +47,7 @@ impl Device {
 
     /// The controller shows the turn no more. A turn that the controller was not given stays.
     pub fn release(&mut self, turn: TurnHandle) {
-        self.conversation.release(turn);
+        self.wire.conversation.release(turn);
     }
 
     /// Sends a status with the next [`transmit`](Endpoint::transmit). A report that was not sent yet is replaced.
@@ -66,77 +62,58 @@ impl Device {
 
     /// The link was lost: an unfinished turn is abandoned, and a hello must come first. What is on screen stays.
     pub fn reset(&mut self) {
-        self.packets_before = self.packets();
-        self.decoder = Decoder::new();
         self.outgoing.clear();
-        self.conversation.disconnect();
+        self.wire.disconnect();
     }
 
     /// The planes.
     pub fn store(&self) -> &MemoryStore {
-        self.conversation.store()
+        self.wire.conversation.store()
     }
 
     /// The host's number of a finished turn.
     pub fn turn_number(&self, turn: TurnHandle) -> Option<u32> {
-        self.conversation.turn_number(turn)
+        self.wire.conversation.turn_number(turn)
     }
 
     /// What came so far.
     pub fn counters(&self) -> Counters {
-        self.conversation.counters()
+        self.wire.conversation.counters()
     }
 
     /// Packets that came so far, by how they arrived.
     pub fn packets(&self) -> Counts {
-        add(self.packets_before, self.decoder.counts())
+        self.wire.packets()
     }
 
-    fn send(&mut self, message: &Message<'_>) {
-        let mut frame = [0; ANSWER_BYTES_MAX];
-        if let Ok(length) = encode(self.sequence, message, &mut frame) {
-            self.sequence = self.sequence.wrapping_add(1);
-            self.outgoing.extend_from_slice(&frame[..length]);
+    /// Reads `bytes` up to the end of the next undamaged packet and leaves the rest in it; whether there was one.
+    pub fn take_packet(&mut self, bytes: &mut &[u8]) -> bool {
+        let heard = self.wire.hear(bytes);
+        let came = heard.is_some();
+        if let Some((answer, input)) = heard {
+            self.inputs.extend(input);
+            self.outgoing.extend_from_slice(&answer);
         }
+        came
     }
 }
 
 impl Endpoint for Device {
     fn receive(&mut self, mut bytes: &[u8]) {
-        while let Some(packet) = self.decoder.next(&mut bytes) {
-            let Ok(packet) = packet else { continue };
-            let (answer, input) = match packet.message() {
-                Ok(message) => self.conversation.answer(packet.sequence, &message),
-                Err(_) => (self.conversation.refuse(packet.sequence, Reason::NotUnderstood), None),
-            };
-            self.inputs.extend(input);
-            self.send(&answer);
-        }
+        while self.take_packet(&mut bytes) {}
     }
 
     fn transmit(&mut self) -> Vec<u8> {
-        if let Some(report) = self.report.take().filter(|_| self.conversation.is_connected()) {
-            let status = self.conversation.status(&report, self.packets());
-            self.send(&status.into());
-            if let Some(faults) = self.faults.and_then(|faults| self.conversation.tell(faults)) {
-                self.send(&faults.into());
-            }
+        if let Some(report) = self.report.take() {
+            let faults = self.faults;
+            let packets = [self.wire.status(&report), faults.and_then(|faults| self.wire.faults(faults))];
+            packets.iter().flatten().for_each(|packet| self.outgoing.extend_from_slice(packet));
         }
         std::mem::take(&mut self.outgoing)
     }
 
     /// Nothing here takes time.
     fn advance(&mut self, _seconds: f64) {}
-}
-
-fn add(a: Counts, b: Counts) -> Counts {
-    Counts {
-        packets: a.packets.saturating_add(b.packets),
-        framing: a.framing.saturating_add(b.framing),
-        too_long: a.too_long.saturating_add(b.too_long),
-        too_short: a.too_short.saturating_add(b.too_short),
-        check: a.check.saturating_add(b.check),
-    }
 }
 
 #[cfg(test)]

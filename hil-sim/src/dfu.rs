@@ -11,19 +11,24 @@ use std::rc::Rc;
 use thiserror::Error;
 use update::image::Refusal;
 use update::loader::{Decision, LoaderError, Slots};
+use update::stm32h743;
 use update::updater::Transfer;
 
 pub use update::image::Owner;
 pub use update::updater::Accept;
 
 const WORD: usize = 32;
-const SECTOR: usize = 128 << 10;
-/// Sectors of the two slots and the notes, as on an STM32H743 behind a boot loader of one sector.
-const SECTORS: [usize; 3] = [6, 7, 2];
+const SECTOR: usize = stm32h743::SECTOR as usize;
+/// Sectors of the two slots and the notes, as on that board.
+const SECTORS: [usize; 3] = [sectors(stm32h743::ACTIVE), sectors(stm32h743::DOWNLOAD), sectors(stm32h743::STATE)];
 /// Bytes of a block.
 pub const BLOCK_BYTES: u16 = 1024;
 
 type Part = Region<WORD, SECTOR>;
+
+const fn sectors(part: stm32h743::Part) -> usize {
+    part.size as usize / SECTOR
+}
 
 /// Why a request fails.
 #[derive(Debug, Error)]

@@ -6,8 +6,10 @@ use cable::Cable;
 use costs::Costs;
 use firmware::config::{Config, ConfigError};
 use firmware::controller::{Estimates, Input, Output};
-use firmware::lockstep::{Answer, Request, VERSION};
-use protocol::message::State;
+use firmware::fault_log::FaultLog;
+use firmware::lockstep::{Answer, HOST_BYTES_MAX, Request, Said, VERSION};
+use firmware::plane_store::TurnHandle;
+use protocol::message::{Faults, State};
 use protocol::units::Nanos;
 use std::io::ErrorKind;
 use std::net::{TcpListener, TcpStream};
@@ -17,6 +19,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use thiserror::Error;
 
+pub mod bench;
 mod cable;
 pub mod costs;
 
@@ -156,6 +159,40 @@ impl Image {
         }
     }
 
+    /// Gives the host's `bytes` to its end of the wire, up to the end of the first packet: how many were read, what the host is told, and what
+    /// the controller answered if it was asked.
+    pub fn hear(&mut self, now: Nanos, bytes: &[u8]) -> Result<(usize, Said, Option<Output>), ImageError> {
+        let bytes = bytes.get(..HOST_BYTES_MAX).unwrap_or(bytes);
+        match self.ask(Request::Host { now, bytes })? {
+            Answer::Heard { taken, said, output } => Ok((taken.into(), said, output)),
+            answer => Err(other(&answer)),
+        }
+    }
+
+    /// What the host is told of the controller now.
+    pub fn report(&mut self) -> Result<Said, ImageError> {
+        match self.ask(Request::Report)? {
+            Answer::Said(said) => Ok(said),
+            answer => Err(other(&answer)),
+        }
+    }
+
+    /// The check of a plane in its frame store; nothing where its turn is not whole.
+    pub fn plane(&mut self, turn: TurnHandle, slice: u16) -> Result<Option<u64>, ImageError> {
+        match self.ask(Request::Plane { turn, slice })? {
+            Answer::Plane(check) => Ok(check),
+            answer => Err(other(&answer)),
+        }
+    }
+
+    /// Its faults so far.
+    pub fn faults(&mut self) -> Result<Faults, ImageError> {
+        match self.ask(Request::Faults)? {
+            Answer::Faults(faults) => Ok(faults),
+            answer => Err(other(&answer)),
+        }
+    }
+
     /// The deepest that the image's stack has been since it booted, bytes.
     pub fn stack_bytes(&mut self) -> Result<u32, ImageError> {
         match self.ask(Request::StackBytes)? {
@@ -187,7 +224,7 @@ impl Image {
         self.failure.as_ref()
     }
 
-    fn ask(&mut self, request: Request) -> Result<Answer, ImageError> {
+    fn ask(&mut self, request: Request<'_>) -> Result<Answer, ImageError> {
         self.cable.ask(request).map_err(|error| self.named(error))
     }
 
@@ -265,27 +302,33 @@ impl SharedImage {
     }
 }
 
+impl SharedImage {
+    /// What `ask` gets of it, or what is safe where it has failed.
+    fn get<T: Default>(&self, ask: impl FnOnce(&mut Image) -> Result<T, ImageError>) -> T {
+        self.try_get(ask).unwrap_or_default()
+    }
+
+    fn try_get<T>(&self, ask: impl FnOnce(&mut Image) -> Result<T, ImageError>) -> Option<T> {
+        let mut image = self.lock();
+        if image.failure.is_some() {
+            return None;
+        }
+        ask(&mut image).map_err(|error| image.failure = Some(error)).ok()
+    }
+}
+
 impl crate::world::Core for SharedImage {
     fn step(&mut self, now: Nanos, input: Input) -> Output {
-        let mut image = self.lock();
-        if image.failure.is_none() {
-            match image.step(now, input) {
-                Ok(output) => return output,
-                Err(error) => image.failure = Some(error),
-            }
-        }
-        Output { state: State::Fault, ..Output::default() }
+        let safe = Output { state: State::Fault, ..Output::default() };
+        self.try_get(|image| image.step(now, input)).unwrap_or(safe)
     }
 
     fn estimates(&self) -> Estimates {
-        let mut image = self.lock();
-        if image.failure.is_some() {
-            return Estimates::default();
-        }
-        image.estimates().unwrap_or_else(|error| {
-            image.failure = Some(error);
-            Estimates::default()
-        })
+        self.get(Image::estimates)
+    }
+
+    fn faults(&self) -> Faults {
+        self.try_get(Image::faults).unwrap_or_else(|| FaultLog::default().faults())
     }
 }
 

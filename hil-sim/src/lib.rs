@@ -21,5 +21,6 @@ pub mod scenario;
 pub mod sensors;
 pub mod simulator;
 pub mod statistics;
+pub mod streaming;
 pub mod tuning;
 pub mod world;

@@ -250,6 +250,11 @@ impl Scenario {
         Some(Self::from_toml(text).expect("a file of this crate, tested below"))
     }
 
+    /// Nothing happens by itself.
+    pub fn without_events() -> Self {
+        Self { events: Vec::new(), ..Self::default() }
+    }
+
     /// Reads and checks a scenario file. Events come out in order of time.
     pub fn from_toml(text: &str) -> Result<Self, ScenarioError> {
         let mut scenario: Self = toml::from_str(text).map_err(|error| ScenarioError::Syntax(problem(text, &error)))?;

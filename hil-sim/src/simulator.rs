@@ -4,15 +4,18 @@ use crate::device::{Device, Endpoint, Input, Report};
 use crate::eye::{Flash, Picture};
 use crate::motor::Motor;
 use crate::scenario::Scenario;
+use crate::streaming::Subject;
 use crate::world::World;
 use firmware::config::ConfigError;
+use firmware::hosted::Screen;
 use firmware::plane_store::{Plane, TurnHandle};
+use protocol::codec::plane_check;
 use protocol::rig::Rig;
 use protocol::timing::Rotation;
 use protocol::units::Nanos;
 
 /// How often the controller reports to the host, seconds.
-const REPORT_S: f64 = 0.01;
+pub(crate) const REPORT_S: f64 = 0.01;
 
 /// A device whose projector and mirror are simulated.
 pub struct Simulator {
@@ -24,8 +27,6 @@ pub struct Simulator {
     frame_latency: Nanos,
     /// Whether the controller took the rotation that the host configured last.
     in_step_with_host: bool,
-    on_screen: Option<TurnHandle>,
-    turns_shown: u32,
     report_at: Nanos,
 }
 
@@ -33,7 +34,18 @@ impl Simulator {
     /// A device for `rig`, switched on.
     pub fn new(rig: &Rig, motor: Motor, scenario: Scenario, seed: u64) -> Result<Self, ConfigError> {
         let frame_latency = Nanos::from_seconds(rig.projector.frame_latency_us * 1e-6);
-        let world = World::new(&rig.rotation(), frame_latency, &motor, &scenario, seed)?;
+        Self::turning(&rig.rotation(), frame_latency, motor, scenario, seed)
+    }
+
+    /// The same for turns of `rotation`; a frame's first plane follows its pulse after `frame_latency`.
+    pub fn turning(
+        rotation: &Rotation,
+        frame_latency: Nanos,
+        motor: Motor,
+        scenario: Scenario,
+        seed: u64,
+    ) -> Result<Self, ConfigError> {
+        let world = World::new(rotation, frame_latency, &motor, &scenario, seed)?;
         Ok(Self {
             device: Device::new(),
             world,
@@ -42,8 +54,6 @@ impl Simulator {
             seed,
             frame_latency,
             in_step_with_host: true,
-            on_screen: None,
-            turns_shown: 0,
             report_at: Nanos::ZERO,
         })
     }
@@ -94,8 +104,9 @@ impl Simulator {
         }
         match World::new(rotation, self.frame_latency, &self.motor, &self.scenario, self.seed) {
             Ok(world) => {
+                let screen = Screen { turn: None, ..self.world.screen() };
                 self.world = world;
-                self.on_screen = None;
+                self.world.screen = screen;
                 // The new world's time begins at 0: reports must not wait for the old one's.
                 self.report_at = Nanos::ZERO;
             }
@@ -116,24 +127,19 @@ impl Simulator {
         for turn in self.world.take_released() {
             self.device.release(turn);
         }
-        let on_screen = self.world.turn_on_screen();
-        if on_screen != self.on_screen {
-            self.on_screen = on_screen;
-            self.turns_shown = self.turns_shown.saturating_add(u32::from(on_screen.is_some()));
-        }
     }
 
     fn report(&self) -> Report {
         let (world, slices) = (&self.world, self.world.rotation().slices());
-        let report = Report::new(world.state(), world.fault(), &world.estimates(), slices);
-        Report { turns_shown: self.turns_shown, on_screen: self.on_screen, ..report }
+        Report::new(world.state(), world.fault(), &world.estimates(), slices, world.screen())
     }
 }
 
 impl Endpoint for Simulator {
-    fn receive(&mut self, bytes: &[u8]) {
-        self.device.receive(bytes);
-        self.deliver();
+    fn receive(&mut self, mut bytes: &[u8]) {
+        while self.device.take_packet(&mut bytes) {
+            self.deliver();
+        }
     }
 
     fn transmit(&mut self) -> Vec<u8> {
@@ -148,6 +154,20 @@ impl Endpoint for Simulator {
     fn advance(&mut self, seconds: f64) {
         self.world.advance(seconds);
         self.release();
+    }
+}
+
+impl Subject for Simulator {
+    fn world(&self) -> &World {
+        &self.world
+    }
+
+    fn world_mut(&mut self) -> &mut World {
+        &mut self.world
+    }
+
+    fn check_of(&mut self, turn: TurnHandle, slice: u16) -> Option<u64> {
+        self.device.store().plane(turn, slice).map(|plane| plane_check(plane.bytes()))
     }
 }
 
@@ -166,7 +186,7 @@ mod tests {
 
     /// Configured for `refresh_hz`, given a turn, and started: how many planes were lit.
     fn lit(refresh_hz: u64) -> u64 {
-        let scenario = Scenario { events: Vec::new(), ..Scenario::default() };
+        let scenario = Scenario::without_events();
         let mut simulator = Simulator::new(&Rig::parse(RIG).unwrap(), Motor::reference(), scenario, 1).unwrap();
         simulator.advance(1.0);
         simulator.configure(&rotation(refresh_hz));

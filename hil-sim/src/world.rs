@@ -14,9 +14,10 @@ use crate::statistics::Collector;
 use firmware::config::ConfigError;
 use firmware::controller::{Controller, Estimates, Input, Output};
 use firmware::fault_log::FaultLog;
+use firmware::hosted::Screen;
 use firmware::plane_store::{Plane, TurnHandle};
 use firmware::safety::Levels;
-use protocol::message::State;
+use protocol::message::{Faults, State};
 use protocol::timing::{Direction, Rotation};
 use protocol::units::Nanos;
 use std::collections::VecDeque;
@@ -32,8 +33,8 @@ pub trait Core {
     fn estimates(&self) -> Estimates;
 
     /// Its faults so far; of one that does not tell, none.
-    fn faults(&self) -> FaultLog {
-        FaultLog::default()
+    fn faults(&self) -> Faults {
+        FaultLog::default().faults()
     }
 }
 
@@ -46,8 +47,8 @@ impl Core for Controller {
         Controller::estimates(self)
     }
 
-    fn faults(&self) -> FaultLog {
-        *Controller::faults(self)
+    fn faults(&self) -> Faults {
+        Controller::faults(self).faults()
     }
 }
 
@@ -100,6 +101,7 @@ pub struct World {
     plane_was_lit: bool,
     on_screen: Plane,
     released: Vec<TurnHandle>,
+    pub(crate) screen: Screen,
 
     actions: VecDeque<(f64, Action)>,
     levels: Levels,
@@ -174,6 +176,7 @@ impl World {
             plane_was_lit: false,
             on_screen: Plane::Dark,
             released: Vec::new(),
+            screen: Screen::default(),
             actions: scenario.events.iter().map(|event| (event.at_s * 1e9, event.action)).collect(),
             levels: Levels::default(),
             frame_faults: PulseFaults::default(),
@@ -199,14 +202,6 @@ impl World {
     /// The host has filled the slot `turn`.
     pub fn turn_ready(&mut self, turn: TurnHandle) {
         self.feed(self.now, Input::TurnReady(turn));
-    }
-
-    /// The turn that the projector is showing.
-    pub fn turn_on_screen(&self) -> Option<TurnHandle> {
-        match self.lit?.plane {
-            Plane::Slice { turn, .. } => Some(turn),
-            Plane::Dark => None,
-        }
     }
 
     /// Moves on by `seconds`.
@@ -395,12 +390,17 @@ impl World {
 
     fn feed_at(&mut self, at: f64, angle: f64, input: Input) {
         let output = self.core.step(self.stamp(at), input);
+        self.obey(at, angle, output);
+    }
+
+    fn obey(&mut self, at: f64, angle: f64, output: Output) {
         if output.torque_nm != self.output.torque_nm {
             self.torques.push_back((at + self.delay_ns, f64::from(output.torque_nm)));
         }
         if let Some(frame) = output.armed {
             self.projector.arm(frame);
         }
+        self.screen.take(output.armed);
         self.released.extend(output.released.into_iter().flatten());
         self.collector.state(at * 1e-9, output.state, output.fault);
         self.output = output;

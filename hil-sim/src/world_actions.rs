@@ -2,7 +2,7 @@
 
 use super::{Pulse, World};
 use crate::scenario::Action;
-use firmware::controller::Input;
+use firmware::controller::{Input, Output};
 use firmware::safety::Levels;
 use protocol::message::Command;
 
@@ -15,6 +15,11 @@ impl World {
             _ => {}
         }
         self.feed(self.now, Input::Command(command));
+    }
+
+    /// Does what the controller wants now, which its host has asked of it and not this world.
+    pub fn obey_now(&mut self, output: Output) {
+        self.obey(self.now, self.plant.angle(), output);
     }
 
     pub(super) fn act(&mut self, action: Action) {

@@ -4,6 +4,7 @@ use super::{Recording, Sample, World};
 use crate::checkers::Flash;
 use crate::statistics::LockStatistics;
 use firmware::controller::Estimates;
+use firmware::hosted::Screen;
 use firmware::plane_store::TurnHandle;
 use protocol::message::{Fault, Faults, State};
 use protocol::timing::Rotation;
@@ -47,7 +48,17 @@ impl World {
 
     /// Faults so far, with what was measured.
     pub fn faults(&self) -> Faults {
-        self.core.faults().faults()
+        self.core.faults()
+    }
+
+    /// What is armed, as the controller's host is told of it.
+    pub fn screen(&self) -> Screen {
+        self.screen
+    }
+
+    /// The controller's time.
+    pub fn controller_time(&self) -> Nanos {
+        self.stamp(self.now)
     }
 
     /// What the controller believes.

@@ -5,12 +5,16 @@
 use budget::Budget;
 use firmware::controller::{Controller, Estimates, Input, Output};
 use firmware::plane_store::TurnHandle;
+use hil_sim::image::bench::streamed;
 use hil_sim::image::{Image, SharedImage};
 use hil_sim::motor::Motor;
 use hil_sim::scenario::Scenario;
+use hil_sim::streaming::{Outcome, Trouble, native};
 use hil_sim::world::{Core, World, repeat_command};
 use protocol::codec::ImageSize;
-use protocol::message::{BeginTurn, Command, Configure, Control, Hello, Message, Reason, SCHEMA, State, Status};
+use protocol::message::{
+    BeginTurn, Command, Configure, Control, Faults, Hello, Message, Reason, SCHEMA, State, Status,
+};
 use protocol::packet::{Decoder, encode};
 use protocol::timing::{Direction, Rotation};
 use protocol::units::{Nanos, Turns};
@@ -53,6 +57,7 @@ impl Core for Twins {
         let mut same = image == native && bits(&image) == bits(&native);
         if self.steps.is_multiple_of(500) {
             same &= self.image.estimates() == self.native.estimates();
+            same &= self.image.faults() == self.native.faults().faults();
         }
         if !same {
             let believed = (self.image.estimates(), self.native.estimates());
@@ -64,6 +69,10 @@ impl Core for Twins {
 
     fn estimates(&self) -> Estimates {
         self.native.estimates()
+    }
+
+    fn faults(&self) -> Faults {
+        self.image.faults()
     }
 }
 
@@ -107,6 +116,19 @@ fn run(image: &SharedImage, refresh_hz: u64, name: &str, seed: u64) -> Vec<Strin
     wrong.iter().map(|wrong| format!("{command}: {wrong}")).collect()
 }
 
+/// A host in trouble gets from the image what it gets from the simulated device: what was said and what was lit, to the last bit.
+fn stream(image: &SharedImage, trouble: Trouble, seed: u64) -> Vec<String> {
+    let Outcome { mut wrong, said, lit, .. } = streamed(image, trouble, seed).unwrap_or_else(|error| panic!("{error}"));
+    let native = native(trouble, seed);
+    let alike = lit.iter().zip(&native.lit).take_while(|(image, native)| image == native).count();
+    println!("{trouble:?}: {alike} flashes, {} bytes said", said.len());
+    if said != native.said || alike != lit.len().max(native.lit.len()) {
+        wrong.push(format!("the first {alike} of {} flashes are the same", native.lit.len()));
+    }
+    let repeat = format!("{trouble:?}: SEED={seed} cargo test -p hil-sim --test streaming");
+    wrong.iter().map(|wrong| format!("{repeat}: {wrong}")).collect()
+}
+
 #[test]
 fn image_and_native_core_agree_bit_for_bit_and_keep_within_the_budget() {
     let images: Vec<_> = (0..SEEDS)
@@ -119,6 +141,8 @@ fn image_and_native_core_agree_bit_for_bit_and_keep_within_the_budget() {
                 .zip(Scenario::BUILT_IN)
                 .filter(|(place, name)| lock_figures(name).is_some() || place % SEEDS == seed);
             wrong.extend(due.flat_map(|(_, name)| run(&image, 240, name, seed)));
+            wrong
+                .extend(Trouble::ALL.get(seed as usize).into_iter().flat_map(|&trouble| stream(&image, trouble, seed)));
             (image, wrong)
         })
         .collect();
@@ -133,23 +157,23 @@ fn image_and_native_core_agree_bit_for_bit_and_keep_within_the_budget() {
 }
 
 #[test]
-fn the_counter_is_right_and_a_host_may_watch_and_command() {
+fn the_counter_is_right_and_a_host_may_come_by_the_serial_port() {
     let mut image = Image::boot(&elf()).unwrap_or_else(|error| panic!("{error}"));
     // A counter that is off by more would make nonsense of the budget.
     let thousand = image.thousand().unwrap();
     assert!((997..=1_003).contains(&thousand), "{thousand}");
     let mut host = Host { wire: image.take_host_wire().unwrap(), decoder: Decoder::new(), sequence: 0 };
     let rotation = rotation(240);
-    let configure = |rotation: &Rotation| Configure::new(rotation, ImageSize::new(768, 768).unwrap());
+    let configure = |rotation: &Rotation, side| Configure::new(rotation, ImageSize::new(side, side).unwrap());
     let order = Control { command: Command::Start };
     let hello = Hello { version: protocol::message::VERSION, schema: SCHEMA };
+    image.begin(&Motor::reference().firmware_config(&rotation, Nanos::ZERO)).unwrap();
     assert_eq!(host.ask(order), Err(Reason::NotConnected));
     assert_eq!(host.ask(hello), Ok(()));
-    assert_eq!(host.ask(configure(&rotation)), Err(Reason::NotConfigured));
-    image.begin(&Motor::reference().firmware_config(&rotation, Nanos::ZERO)).unwrap();
-    assert_eq!(host.ask(configure(&rotation)), Ok(()));
-    assert_eq!(host.ask(configure(&self::rotation(180))), Err(Reason::Configuration));
-    assert_eq!(host.ask(BeginTurn { turn: 1, slices: 288 }), Err(Reason::Configuration));
+    assert_eq!(host.ask(BeginTurn { turn: 1, slices: 288 }), Err(Reason::NotConfigured));
+    assert_eq!(host.ask(configure(&rotation, 768)), Err(Reason::Configuration), "42 MB are not there");
+    assert_eq!(host.ask(configure(&rotation, 64)), Ok(()));
+    assert_eq!(host.ask(BeginTurn { turn: 1, slices: 288 }), Ok(()));
     assert_eq!(host.status().state, State::Idle);
     assert_eq!(host.ask(order), Ok(()));
     let output = image.step(Nanos(1_000), Input::Tick { encoder_count: 0 }).unwrap();

@@ -7,6 +7,7 @@ use dfu_core::{DfuIo, DfuProtocol, Status};
 use ed25519_dalek::{Digest, Sha512, Signature, Signer, SigningKey, VerifyingKey};
 use protocol::image::{BLOCK, Board, HEADER_BYTES, Header, ImageError, Version, split};
 use protocol::message::SCHEMA;
+use rusb::UsbContext;
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -59,6 +60,17 @@ pub enum FlashError {
     /// The device cannot be talked to.
     #[error("the device: {0}")]
     Device(String),
+    /// Nothing there.
+    #[error(
+        "no USB device {0:04x}:{1:04x}: allowed is a controller that is plugged in and switched on, by the numbers that lsusb lists for it, or sim"
+    )]
+    Absent(u16, u16),
+    /// Not ours to open, or no controller.
+    #[error(
+        "USB device {0:04x}:{1:04x} is there and does not open ({2}): allowed is a controller with DFU as its interface 0 that this user may open \
+         (Linux: a udev rule, or root)"
+    )]
+    Closed(u16, u16, String),
     /// The new image failed its test, or was never started.
     #[error("the device runs {0} again: the new image did not confirm itself")]
     CameBack(Version),
@@ -112,13 +124,13 @@ pub fn verify(key: &[u8; 32], image: &[u8]) -> Result<(), FlashError> {
 
 /// A device that can be opened again after it has started anew.
 pub trait Device {
-    /// What can go wrong.
+    /// What can go wrong once it is open.
     type Error: std::error::Error + From<std::io::Error> + From<dfu_core::Error>;
     /// It, opened.
     type Io: DfuIo<Read = usize, Write = usize, Reset = (), Error = Self::Error>;
 
     /// Opens it, to take newer versions only or any.
-    fn open(&mut self, takes_any: bool) -> Result<Self::Io, Self::Error>;
+    fn open(&mut self, takes_any: bool) -> Result<Self::Io, FlashError>;
 }
 
 /// Sends `image` and sees it run. `progress` is told how many bytes have been sent in this attempt.
@@ -130,7 +142,7 @@ pub fn flash<D: Device>(
 ) -> Result<Header, FlashError> {
     let (header, ..) = split(image).map_err(|error| FlashError::Image(PathBuf::from("image"), error))?;
     let talk = |error: D::Error| FlashError::Device(error.to_string());
-    if let Some(running) = running(&device.open(force).map_err(talk)?).map_err(talk)? {
+    if let Some(running) = running(&device.open(force)?).map_err(talk)? {
         if running.board != header.board {
             return Err(FlashError::Board { image: header.board, device: running.board });
         }
@@ -141,12 +153,12 @@ pub fn flash<D: Device>(
     let mut outcome = Ok(());
     for _ in 0..ATTEMPTS {
         outcome = send(device, image, force, progress.clone());
-        if matches!(outcome, Ok(()) | Err(FlashError::Refused(_))) {
+        if !matches!(outcome, Err(FlashError::Transfer(_))) {
             break;
         }
     }
     outcome?;
-    match running(&device.open(force).map_err(talk)?).map_err(talk)? {
+    match running(&device.open(force)?).map_err(talk)? {
         Some(running) if running == header => Ok(header),
         Some(running) => Err(FlashError::CameBack(running.version)),
         None => Err(FlashError::RunsNothing),
@@ -176,7 +188,7 @@ fn send<D: Device>(
     force: bool,
     progress: impl Fn(u64) + 'static,
 ) -> Result<(), FlashError> {
-    let io = device.open(force).map_err(|error| FlashError::Transfer(error.to_string()))?;
+    let io = device.open(force)?;
     let status = Rc::new(Cell::new(Status::Ok));
     let mut dfu = DfuSync::new(Watched { io, status: Rc::clone(&status) });
     let mut sent = 0;
@@ -251,22 +263,38 @@ impl Device for Usb {
     type Error = dfu_libusb::Error;
     type Io = dfu_libusb::DfuLibusb<rusb::Context>;
 
-    fn open(&mut self, takes_any: bool) -> Result<Self::Io, dfu_libusb::Error> {
+    fn open(&mut self, takes_any: bool) -> Result<Self::Io, FlashError> {
         // A swap copies the slot page by page: seconds.
         const WAITS: usize = 60;
         const WAIT: std::time::Duration = std::time::Duration::from_millis(500);
-        let context = rusb::Context::new()?;
-        let open = || dfu_libusb::DfuLibusb::open(&context, self.id.0, self.id.1, 0, takes_any.into());
-        let mut opened = open();
+        let mut opened = self.try_open(takes_any);
         for _ in 0..WAITS {
             if opened.is_ok() || !self.was_there {
                 break;
             }
             std::thread::sleep(WAIT);
-            opened = open();
+            opened = self.try_open(takes_any);
         }
         self.was_there |= opened.is_ok();
-        Ok(opened?.into_inner())
+        opened
+    }
+}
+
+impl Usb {
+    fn try_open(&self, takes_any: bool) -> Result<dfu_libusb::DfuLibusb<rusb::Context>, FlashError> {
+        let (vendor, product) = self.id;
+        let closed = |error: dfu_libusb::Error| FlashError::Closed(vendor, product, error.to_string());
+        let absent = || FlashError::Absent(vendor, product);
+        // A machine without USB has no context, or no list.
+        let context = rusb::Context::new().map_err(|_| absent())?;
+        let devices = context.devices().map_err(|_| absent())?;
+        let is_it = |device: &rusb::Device<rusb::Context>| {
+            device.device_descriptor().is_ok_and(|its| (its.vendor_id(), its.product_id()) == self.id)
+        };
+        let device = devices.iter().find(is_it).ok_or_else(absent)?;
+        let handle = device.open().map_err(|error| closed(error.into()))?;
+        let opened = dfu_libusb::DfuLibusb::from_usb_device(device, handle, 0, takes_any.into());
+        opened.map(dfu_core::synchronous::DfuSync::into_inner).map_err(closed)
     }
 }
 

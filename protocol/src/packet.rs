@@ -182,6 +182,11 @@ impl<const N: usize> Decoder<N> {
         self.counts
     }
 
+    /// Forgets a packet that is cut off. What came so far stays counted.
+    pub fn cut(&mut self) {
+        (self.length, self.cobs, self.skipping) = (0, DecoderState::Idle, false);
+    }
+
     /// Reads `input` up to the end of the next packet and leaves the rest in it. `None`: the input ended first.
     pub fn next<'a>(&'a mut self, input: &mut &[u8]) -> Option<Result<Packet<'a>, PacketError>> {
         let ended = self.read(input)?;

@@ -118,7 +118,11 @@ impl Rotation {
 
     /// The nominal duration of a frame, rounded down.
     pub const fn frame_nanos(&self) -> u64 {
-        1_000_000_000_000_000 / self.refresh_microhertz
+        // As in `frames`.
+        match 1_000_000_000_000_000u64.checked_div(self.refresh_microhertz) {
+            Some(nanos) => nanos,
+            None => 0,
+        }
     }
 
     /// The nominal duration of plane 0 … `planes` of a frame together, rounded down.

@@ -1,6 +1,6 @@
-//! Linker scripts: each program's own memory map, from `layout.rs`.
+//! Linker scripts: each program's own memory map, from the board's layout.
 
-#[path = "src/layout.rs"]
+#[path = "../../update/src/stm32h743.rs"]
 #[expect(dead_code, reason = "the programs use the rest")]
 mod layout;
 
@@ -20,7 +20,7 @@ fn main() -> std::io::Result<()> {
     for argument in ["--nmagic", "-Tlink.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }
-    println!("cargo:rerun-if-changed=src/layout.rs");
+    println!("cargo:rerun-if-changed=../../update/src/stm32h743.rs");
     Ok(())
 }
 

@@ -11,4 +11,5 @@ extern crate std;
 pub mod image;
 pub mod loader;
 pub mod record;
+pub mod stm32h743;
 pub mod updater;

@@ -7,13 +7,13 @@
 //! | that a swap or its way back was cut off | it is carried on |
 //! | that a new image runs on trial | it runs again, [`TRIALS`] times in all; then the old one comes back, if it is still signed |
 //!
-//! Without a signed image in the active slot one in the other slot is swapped in; without any, nothing runs and the loader waits for
-//! one over USB.
+//! Without a signed image in the active slot a signed one in the other slot takes its place: one that was downloaded, else the old one that the
+//! last swap left there. Without any, nothing runs and the loader waits for one over USB.
 
 use crate::image::{Owner, Refusal};
 use crate::record::{NOTES, Record, RecordError};
 use embassy_boot::{BlockingFirmwareState, BootError, BootLoader, BootLoaderConfig, FirmwareUpdaterError, State};
-use embedded_storage::nor_flash::{NorFlash, NorFlashErrorKind, ReadNorFlash};
+use embedded_storage::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 use protocol::image::{BLOCK, Header};
 use thiserror::Error;
 
@@ -23,6 +23,8 @@ pub const TRIALS: usize = 3;
 const TRIALS_AT: usize = NOTES - TRIALS;
 /// Two bytes, four a page, and one that is never written, where `embassy-boot` stops counting.
 const PAGES_MAX: usize = (TRIALS_AT - 3) / 4;
+/// What `embassy-boot` writes for [`State::Swap`].
+const SWAP: u8 = 0xF0;
 /// Forget, swap, take back: no path through the table above is longer.
 const ROUNDS: usize = 6;
 
@@ -140,11 +142,17 @@ impl<A: NorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
                 Stage::Settled => match owner.verify(&mut self.active, 0, most) {
                     Ok(header) => return Ok(Decision::Run(header)),
                     Err(_) if owner.verify(&mut self.spare, 0, most).is_ok() => self.mark(Mark::Swap)?,
+                    // After a swap the old image stands a page further on.
+                    Err(_) if owner.verify(&mut self.spare, Self::PAGE, most).is_ok() => self.mark(Mark::TakeBack)?,
                     Err(refusal) => return Ok(Decision::Wait(refusal)),
                 },
                 Stage::Wanted if owner.verify(&mut self.spare, 0, most).is_err() => self.mark(Mark::Booted)?,
                 Stage::Marking => self.mark(Mark::Booted)?,
-                Stage::Wanted | Stage::Swapping => self.move_pages()?,
+                Stage::Wanted => {
+                    self.make_way(owner)?;
+                    self.move_pages()?;
+                }
+                Stage::Swapping => self.move_pages()?,
                 Stage::Trial(starts) => {
                     let tried = owner.verify(&mut self.active, 0, most);
                     match tried {
@@ -152,8 +160,10 @@ impl<A: NorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
                             self.record.write((TRIALS_AT + starts) as u32, &[0])?;
                             return Ok(Decision::Try(header, starts + 1));
                         }
-                        // After a swap the old image stands a page further on.
-                        _ if owner.verify(&mut self.spare, Self::PAGE, most).is_ok() => self.move_pages()?,
+                        _ if owner.verify(&mut self.spare, Self::PAGE, most).is_ok() => {
+                            self.make_way(owner)?;
+                            self.move_pages()?;
+                        }
                         // There is no way back: what is signed stays.
                         _ => self.mark(Mark::Booted)?,
                     }
@@ -172,20 +182,41 @@ impl<A: NorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
         Ok(())
     }
 
+    /// Pages are swapped, and a word of the active slot that does not read would stop that for ever: a slot with one, or with nothing that may run,
+    /// is blank before. Only where what takes its place has been verified and nothing is swapped yet; power that fails finds all as it was.
+    fn make_way(&mut self, owner: &Owner) -> Result<(), LoaderError> {
+        let end = self.active.capacity() as u32;
+        let mut block = [0; BLOCK];
+        let is_whole = owner.verify(&mut self.active, 0, end).is_ok()
+            && (0..end).step_by(BLOCK).all(|at| self.active.read(at, &mut block).is_ok());
+        if is_whole { Ok(()) } else { self.active.erase(0, end).map_err(|error| LoaderError::Flash(error.kind())) }
+    }
+
     fn mark(&mut self, mark: Mark) -> Result<(), LoaderError> {
+        if mark == Mark::TakeBack {
+            // As behind a swap whose trials are used up. All at once: half of it would be half a swap.
+            let page_copies = 2 * self.active.capacity() / Self::PAGE as usize;
+            let mut notes = [0xFF; NOTES];
+            notes[0] = SWAP;
+            notes[2..].iter_mut().take(page_copies).for_each(|note| *note = 0);
+            notes[TRIALS_AT..].fill(0);
+            return Ok(self.record.write(0, &notes)?);
+        }
         let mut word = [0];
         let mut state = BlockingFirmwareState::new(&mut self.record, &mut word);
         match mark {
             Mark::Booted => state.mark_booted()?,
-            Mark::Swap => state.mark_updated()?,
+            Mark::Swap | Mark::TakeBack => state.mark_updated()?,
         }
         Ok(())
     }
 }
 
+#[derive(Clone, Copy, PartialEq, Eq)]
 enum Mark {
     Booted,
     Swap,
+    TakeBack,
 }
 
 /// What a running image does about its trial.

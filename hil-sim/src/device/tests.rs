@@ -3,8 +3,8 @@ use firmware::fault_log::{Cause, FaultLog};
 use proptest::prelude::*;
 use protocol::codec::{ImageSize, compress, plane_check, turn_check};
 use protocol::message::{Ack, BeginTurn, Configure, Control, EndTurn, Hello, HelloReply, Message, Nack};
-use protocol::message::{Command, Fault, PlaneData, SCHEMA, State, VERSION};
-use protocol::packet::{FRAME_BYTES_MAX, encode};
+use protocol::message::{Command, Fault, PlaneData, Reason, SCHEMA, State, VERSION};
+use protocol::packet::{Decoder, FRAME_BYTES_MAX, PACKET_BYTES_MAX, encode};
 use protocol::timing::{Direction, Rotation};
 use protocol::units::{Nanos, Turns};
 
@@ -20,7 +20,7 @@ fn rotation() -> Rotation {
 }
 
 fn plane(turn: u32, slice: u16) -> Vec<u8> {
-    (0..16).map(|at| (u32::from(slice) * 31 + turn * 7 + at * 11) as u8).collect()
+    (0..16).map(|at| (u32::from(slice) * 31 + turn % 256 * 7 + at * 11) as u8).collect()
 }
 
 fn frame<'a>(sequence: u32, message: impl Into<Message<'a>>) -> Vec<u8> {
@@ -152,6 +152,21 @@ fn repeated_packets_change_nothing() {
     }
     let inputs: Vec<_> = std::iter::from_fn(|| device.next_input()).collect();
     assert_eq!(inputs, [Input::Command(Command::Start), Input::Command(Command::Stop)]);
+}
+
+#[test]
+fn numbers_of_orders_and_turns_wrap() {
+    let mut device = ready();
+    let (start, stop) = (Control { command: Command::Start }, Control { command: Command::Stop });
+    for (sequence, order) in [(u32::MAX - 1, start), (u32::MAX, stop), (0, start), (u32::MAX, stop), (1, stop)] {
+        device.receive(&frame(sequence, order));
+    }
+    let inputs: Vec<_> = std::iter::from_fn(|| device.next_input()).collect();
+    assert_eq!(inputs, [start, stop, start, stop].map(|order| Input::Command(order.command)));
+    device.transmit();
+    let last = send_turn(&mut device, u32::MAX).unwrap();
+    let next = send_turn(&mut device, 0).unwrap();
+    assert_eq!([last, next].map(|turn| device.turn_number(turn)), [Some(u32::MAX), Some(0)]);
 }
 
 #[test]

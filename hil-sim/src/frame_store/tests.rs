@@ -1,5 +1,7 @@
 use super::*;
-use protocol::codec::{compress, plane_check};
+use firmware::plane_store::{PlaneStore, TurnHandle};
+use protocol::codec::{ExpandError, ImageSize, compress, plane_check, turn_check};
+use protocol::message::{EndTurn, PlaneData};
 
 const SLICES: u16 = 3;
 

@@ -37,7 +37,7 @@ impl Cable {
     }
 
     /// The answer to `request`. Late answers to earlier ones are passed over.
-    pub fn ask(&mut self, request: Request) -> Result<Answer, ImageError> {
+    pub fn ask(&mut self, request: Request<'_>) -> Result<Answer, ImageError> {
         self.serial = self.serial.wrapping_add(1);
         let mut payload = [0; FRAME_BYTES_MAX];
         let payload = lockstep::write(self.serial, &request, &mut payload)

@@ -1,4 +1,5 @@
 use super::*;
+use crate::frame_store::Heap;
 use crate::motor::Motor;
 use crate::scenario::Scenario;
 use crate::world::World;
@@ -44,7 +45,7 @@ fn stand_in(trouble: Trouble) -> (TcpStream, JoinHandle<()>) {
     let (mut far, _) = listener.accept().unwrap();
     far.set_nodelay(true).unwrap();
     let run = move || {
-        let (mut session, mut frames) = (Session::new(), 0);
+        let (mut session, mut frames) = (Session::new(Heap::default()), 0);
         let mut head = [0; 18];
         while far.read_exact(&mut head).is_ok() {
             let mut payload = vec![0; usize::from(head[3]) - 14];

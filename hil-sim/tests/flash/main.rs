@@ -3,3 +3,4 @@
 mod alone;
 mod bench;
 mod cuts;
+mod garbage;

@@ -56,9 +56,9 @@ impl Device for Simulated {
     type Error = UsbError;
     type Io = Port;
 
-    fn open(&mut self, takes_any: bool) -> Result<Port, UsbError> {
+    fn open(&mut self, takes_any: bool) -> Result<Port, FlashError> {
         let accept = if takes_any { Accept::Any } else { Accept::Newer };
-        self.0.open(accept).map_err(|error| std::io::Error::other(error).into())
+        self.0.open(accept).map_err(|error| FlashError::Device(error.to_string()))
     }
 }
 

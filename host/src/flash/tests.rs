@@ -11,9 +11,9 @@ impl Device for Bench {
     type Error = UsbError;
     type Io = Port;
 
-    fn open(&mut self, takes_any: bool) -> Result<Port, UsbError> {
+    fn open(&mut self, takes_any: bool) -> Result<Port, FlashError> {
         let accept = if takes_any { Accept::Any } else { Accept::Newer };
-        self.0.open(accept).map_err(|error| std::io::Error::other(error).into())
+        self.0.open(accept).map_err(|error| FlashError::Device(error.to_string()))
     }
 }
 
@@ -98,6 +98,13 @@ fn what_was_changed_is_not_verified() {
         changed[at] ^= 0x10;
         assert!(verify(&public(&SECRET), &changed).is_err(), "byte {at}");
     }
+}
+
+#[test]
+fn a_device_that_is_not_there_is_named() {
+    let mut nobody = Usb::new((0xffff, 0xfffe));
+    let error = flash(&mut nobody, &good("1.0.0"), false, |_| {}).unwrap_err().to_string();
+    assert!(error.starts_with("no USB device ffff:fffe: allowed is"), "{error}");
 }
 
 #[test]

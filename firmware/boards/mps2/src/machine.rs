@@ -10,6 +10,7 @@ use cortex_m_rt::{STACK_PAINT_VALUE, exception};
 use critical_section::{CriticalSection, Mutex};
 use embassy_time_driver::Driver;
 use embassy_time_queue_utils::Queue;
+use firmware::frame_store::Memory;
 use firmware::lockstep::Gauge;
 
 /// Processor and peripheral clock, MHz.
@@ -198,5 +199,30 @@ impl Gauge for Machine {
             deepest = deepest.wrapping_add(1);
         }
         (top as usize - deepest as usize) as u32
+    }
+}
+
+/// The machine's second memory, where planes live. There is one: whoever makes another shares it.
+#[derive(Debug, Default)]
+pub struct Psram;
+
+impl Psram {
+    const BASE: *mut u8 = 0x2100_0000 as *mut u8;
+    const BYTES: usize = 16 << 20;
+}
+
+impl Memory for Psram {
+    fn make_room(&mut self, bytes: usize) -> bool {
+        bytes <= Self::BYTES
+    }
+
+    fn bytes(&self) -> &[u8] {
+        // SAFETY: memory of this machine, bytes whatever they are, that no linker knows of; the only frame store is the session's.
+        unsafe { core::slice::from_raw_parts(Self::BASE, Self::BYTES) }
+    }
+
+    fn bytes_mut(&mut self) -> &mut [u8] {
+        // SAFETY: as above, and borrowed for as long as the store that is asked.
+        unsafe { core::slice::from_raw_parts_mut(Self::BASE, Self::BYTES) }
     }
 }

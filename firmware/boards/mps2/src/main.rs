@@ -17,7 +17,7 @@ use critical_section::Mutex;
 use embassy_executor::raw::Executor;
 use ethernet::Ethernet;
 use firmware::lockstep::{self, Answer, FRAME_BYTES_MAX, Request, Session};
-use machine::Machine;
+use machine::{Machine, Psram};
 use uart::Uart;
 
 /// Where the host is.
@@ -25,10 +25,10 @@ static HOST: Uart = Uart::at(0x4000_4000);
 /// Where the simulated world is.
 static WORLD: Ethernet = Ethernet::at(0x4020_0000);
 /// The controller.
-static SESSION: Mutex<RefCell<Session>> = Mutex::new(RefCell::new(Session::new()));
+static SESSION: Mutex<RefCell<Session<Psram>>> = Mutex::new(RefCell::new(Session::new(Psram)));
 
 /// Nobody keeps the controller: `None` is a mistake in here, and no reason to stop.
-fn with_session<T>(use_it: impl FnOnce(&mut Session) -> T) -> Option<T> {
+fn with_session<T>(use_it: impl FnOnce(&mut Session<Psram>) -> T) -> Option<T> {
     critical_section::with(|cs| SESSION.borrow(cs).try_borrow_mut().ok().map(|mut session| use_it(&mut session)))
 }
 
@@ -39,13 +39,13 @@ async fn world(mut machine: Machine) {
         WORLD.received().await;
         let frame = WORLD.take::<FRAME_BYTES_MAX>();
         // What cannot be read is not answered: the simulator waits, and gives up.
-        let Some((serial, request)) = lockstep::read::<Request>(&frame) else {
+        let Some((serial, request)) = lockstep::read::<Request<'_>>(&frame) else {
             defmt::warn!("a frame of {} bytes says nothing", frame.len());
             continue;
         };
         let answer: Option<Answer> = with_session(|session| session.answer(&request, &mut machine));
-        let mut frame = [0; FRAME_BYTES_MAX];
-        if let Some(bytes) = answer.and_then(|answer| lockstep::write(serial, &answer, &mut frame)) {
+        let mut out = [0; FRAME_BYTES_MAX];
+        if let Some(bytes) = answer.and_then(|answer| lockstep::write(serial, &answer, &mut out)) {
             WORLD.send(bytes);
         }
     }

@@ -17,6 +17,7 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Peri, peripherals};
 use firmware::controller::Controller;
+use firmware::hosted::Hosted;
 use firmware::station::Station;
 use stm32h743::{clocks, flash, halt, keep};
 
@@ -50,7 +51,8 @@ async fn main(spawner: Spawner) {
     board.machine.start(Hertz(controller.config().control_rate_hz as u32));
     let (device, receiver, link) = link::open(board.usb, board.store);
     let above = CONTROL.start(interrupt::UART5);
-    let station = Station::new(controller, rig::config, board.machine.time_rate());
+    let hosted = Hosted::new(controller, |rotation| Some(rig::config(rotation)));
+    let station = Station::new(hosted, board.machine.time_rate());
     let control = control::control(board.machine, station, watchdog);
     let (bus, answers, reports) = (link::bus(device), link::answers(link, receiver), link::reports(link));
     let (Ok(control), Ok(bus), Ok(answers), Ok(reports)) = (control, bus, answers, reports) else { halt::halt() };

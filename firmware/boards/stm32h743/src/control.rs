@@ -10,10 +10,11 @@ use embassy_sync::channel::Channel;
 use firmware::conversation::Report;
 use firmware::plane_store::TurnHandle;
 use firmware::station::{Event, Station};
+use protocol::message::Faults;
 use stm32h743::keep;
 
-/// The latest of the controller, for the host.
-pub static REPORT: Mutex<CriticalSectionRawMutex, Cell<Option<Report>>> = Mutex::new(Cell::new(None));
+/// The latest of the controller and its faults, for the host.
+pub static REPORT: Mutex<CriticalSectionRawMutex, Cell<Option<(Report, Faults)>>> = Mutex::new(Cell::new(None));
 
 /// Slots that may be filled again. Longer than any store has slots.
 pub static RELEASED: Channel<CriticalSectionRawMutex, TurnHandle, 8> = Channel::new();
@@ -21,8 +22,8 @@ pub static RELEASED: Channel<CriticalSectionRawMutex, TurnHandle, 8> = Channel::
 /// Runs for ever.
 #[embassy_executor::task]
 pub async fn control(mut machine: Machine, mut station: Station, mut watchdog: IndependentWatchdog<'static, IWDG1>) {
-    let torque_max_nm = station.config().motor.torque_max_nm;
-    let mut kept = *station.faults();
+    let torque_max_nm = station.hosted().config().motor.torque_max_nm;
+    let mut kept = *station.hosted().faults();
     keep::keep(&kept);
     watchdog.unleash();
     loop {
@@ -39,7 +40,8 @@ pub async fn control(mut machine: Machine, mut station: Station, mut watchdog: I
             }
         });
         if matches!(event, Some(Event::Tick(_))) {
-            REPORT.lock(|latest| latest.set(Some(station.report())));
+            let hosted = station.hosted();
+            REPORT.lock(|latest| latest.set(Some((hosted.report(), hosted.faults().faults()))));
             watchdog.pet();
         }
     }

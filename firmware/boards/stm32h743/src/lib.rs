@@ -5,6 +5,7 @@ pub mod clocks;
 pub mod flash;
 pub mod halt;
 pub mod keep;
-pub mod layout;
 pub mod owner;
 pub mod usb;
+
+pub use update::stm32h743 as layout;

@@ -11,10 +11,9 @@ use embassy_usb::UsbDevice;
 use embassy_usb::class::dfu::app_mode::{self, DfuState};
 use embassy_usb::class::dfu::consts::DfuAttributes;
 use embassy_usb::driver::{self, Endpoint, EndpointIn, EndpointOut};
-use firmware::conversation::{ANSWER_BYTES_MAX, Conversation};
 use firmware::port_store::PortStore;
-use protocol::message::{Message, Reason, State};
-use protocol::packet::{Counts, Decoder, PACKET_BYTES_MAX, encode};
+use firmware::wire_end::WireEnd;
+use protocol::message::State;
 use static_cell::StaticCell;
 use stm32h743::keep;
 use stm32h743::usb::{PACKET_BYTES, Pins, Port, builder};
@@ -30,10 +29,8 @@ type Sender = <Usb as driver::Driver<'static>>::EndpointIn;
 
 /// What the tasks of the host's end share.
 pub struct Link {
-    conversation: Conversation<PortStore<SerialPort>>,
+    wire: WireEnd<PortStore<SerialPort>>,
     sender: Sender,
-    sequence: u32,
-    packets: Counts,
 }
 
 /// Shared by tasks of one priority.
@@ -44,7 +41,7 @@ struct IntoLoader;
 
 impl app_mode::Handler for IntoLoader {
     fn enter_dfu(&mut self) {
-        let state = REPORT.lock(|report| report.get()).map(|report| report.state);
+        let state = REPORT.lock(|report| report.get()).map(|(report, _)| report.state);
         if state.is_none_or(|state| matches!(state, State::Idle | State::Fault)) {
             keep::want_download();
             cortex_m::peripheral::SCB::sys_reset();
@@ -68,9 +65,8 @@ pub fn open(pins: Pins, store: SerialPort) -> (UsbDevice<'static, Usb>, Receiver
     let attributes = DfuAttributes::CAN_DOWNLOAD | DfuAttributes::WILL_DETACH;
     let dfu = DFU.init(DfuState::new(IntoLoader, attributes, Duration::from_millis(1_000)));
     app_mode::usb_dfu(&mut builder, dfu, |_| {});
-    let conversation = Conversation::new(PortStore::new(store));
-    let link = Link { conversation, sender, sequence: 0, packets: Counts::default() };
-    (builder.build(), receiver, LINK.init(Mutex::new(link)))
+    let link = LINK.init_with(|| Mutex::new(Link { wire: WireEnd::new(PortStore::new(store)), sender }));
+    (builder.build(), receiver, link)
 }
 
 /// The bus itself.
@@ -82,21 +78,13 @@ pub async fn bus(mut device: UsbDevice<'static, Usb>) {
 /// Answers every packet by one.
 #[embassy_executor::task]
 pub async fn answers(link: &'static SharedLink, mut receiver: Receiver) {
-    let mut decoder = Decoder::<PACKET_BYTES_MAX>::new();
     let mut buffer = [0; PACKET_BYTES as usize];
     loop {
         receiver.wait_enabled().await;
-        // Ends what unplugging cut.
-        decoder.next(&mut &[0][..]);
         while let Ok(length) = receiver.read(&mut buffer).await {
-            let mut bytes = buffer.get(..length).unwrap_or_default();
-            while let Some(packet) = decoder.next(&mut bytes) {
-                let Ok(packet) = packet else { continue };
-                link.lock().await.answer(packet.sequence, packet.message().ok()).await;
-            }
-            link.lock().await.packets = decoder.counts();
+            link.lock().await.hear(buffer.get(..length).unwrap_or_default()).await;
         }
-        link.lock().await.conversation.disconnect();
+        link.lock().await.wire.disconnect();
     }
 }
 
@@ -107,34 +95,29 @@ pub async fn reports(link: &'static SharedLink) {
     loop {
         ticker.next().await;
         let mut link = link.lock().await;
-        if let Some(report) = REPORT.lock(|report| report.get()).filter(|_| link.conversation.is_connected()) {
-            let status = link.conversation.status(&report, link.packets);
-            link.send(&status.into()).await;
+        if let Some((report, faults)) = REPORT.lock(|report| report.get()) {
+            for packet in [link.wire.status(&report), link.wire.faults(faults)].into_iter().flatten() {
+                link.send(&packet).await;
+            }
         }
     }
 }
 
 impl Link {
-    /// `None`: an undamaged packet without a message that is known.
-    async fn answer(&mut self, sequence: u32, message: Option<Message<'_>>) {
-        while let Ok(turn) = RELEASED.try_receive() {
-            self.conversation.release(turn);
+    async fn hear(&mut self, mut bytes: &[u8]) {
+        while !bytes.is_empty() {
+            while let Ok(turn) = RELEASED.try_receive() {
+                self.wire.conversation.release(turn);
+            }
+            let Some((answer, request)) = self.wire.hear(&mut bytes) else { return };
+            if let Some(request) = request {
+                events::ask(request).await;
+            }
+            self.send(&answer).await;
         }
-        let (answer, request) = match message {
-            Some(message) => self.conversation.answer(sequence, &message),
-            None => (self.conversation.refuse(sequence, Reason::NotUnderstood), None),
-        };
-        if let Some(request) = request {
-            events::ask(request).await;
-        }
-        self.send(&answer).await;
     }
 
-    async fn send(&mut self, message: &Message<'_>) {
-        let mut frame = [0; ANSWER_BYTES_MAX];
-        let length = encode(self.sequence, message, &mut frame);
-        self.sequence = self.sequence.wrapping_add(1);
-        let Some(bytes) = length.ok().and_then(|length| frame.get(..length)) else { return };
+    async fn send(&mut self, bytes: &[u8]) {
         for packet in bytes.chunks(PACKET_BYTES.into()) {
             if !matches!(with_timeout(FETCHED_WITHIN, self.sender.write(packet)).await, Ok(Ok(()))) {
                 return;

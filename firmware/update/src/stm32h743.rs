@@ -1,4 +1,5 @@
-//! Where everything lies in memory. The linker scripts are made from this by `build.rs`.
+//! Where everything lies in the memory of the board STM32H743: its linker scripts are made from this, and the simulated controller is cut
+//! like it.
 
 /// A sector, the least that can be erased, bytes. The chip has two banks of eight.
 pub const SECTOR: u32 = 128 * 1024;
