@@ -1,5 +1,6 @@
 //! What the controller is told about its rig. Rough motor figures do: inertia and friction are identified during spin-up.
 
+use crate::pacing::Pacing;
 use protocol::timing::Rotation;
 use protocol::units::Nanos;
 use serde::{Deserialize, Serialize};
@@ -67,6 +68,15 @@ pub struct ClockFigures {
     pub wander_ppm_per_sqrt_s: f32,
 }
 
+/// A drive that keeps the speed that it is told, of a mirror that nothing measures: for [`Pacing::FixedSpeed`] alone.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SpeedDriveFigures {
+    /// Its speed is changed by no more than this, rad/s². It must follow it with all that it turns, or steps are lost and nobody knows.
+    pub acceleration_rad_s2: f32,
+    /// So long after its speed has been reached the mirror has stopped swinging about it.
+    pub settle: Nanos,
+}
+
 /// Where safety steps in.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Limits {
@@ -85,6 +95,8 @@ pub struct Limits {
 pub struct Config {
     /// Slices, frames and direction.
     pub rotation: Rotation,
+    /// Who leads.
+    pub pacing: Pacing,
     /// Control ticks a second.
     pub control_rate_hz: f32,
     /// The motor.
@@ -95,6 +107,8 @@ pub struct Config {
     pub sensors: SensorFigures,
     /// The projector's clock.
     pub clock: ClockFigures,
+    /// The drive that keeps its own speed, if there is one.
+    pub speed_drive: SpeedDriveFigures,
     /// Safety.
     pub limits: Limits,
 }
@@ -131,6 +145,16 @@ pub enum ConfigError {
         speed_max_rad_s: f32,
         /// What slices and refresh ask for.
         speed_rad_s: f32,
+    },
+    /// See the message.
+    #[error(
+        "frame_latency = {latency_ns} ns: a projector that follows the mirror must begin a frame within half of its {frame_ns} ns"
+    )]
+    LatencyTooLong {
+        /// From a trigger to its first plane.
+        latency_ns: u64,
+        /// A frame at the rig's rate.
+        frame_ns: u64,
     },
 }
 
@@ -177,6 +201,8 @@ impl Config {
             ("wander_ppm_per_sqrt_s", clock.wander_ppm_per_sqrt_s, 0.0, 1e4),
             ("watchdog (ns)", self.limits.watchdog.0 as f32, 1.5e9 / self.control_rate_hz, 1e9),
             ("speed_max_rad_s", self.limits.speed_max_rad_s, 0.1, 1e4),
+            ("acceleration_rad_s2", self.speed_drive.acceleration_rad_s2, 1e-3, 1e5),
+            ("settle (ns)", self.speed_drive.settle.0 as f32, 0.0, 60e9),
         ] {
             if !(least..=most).contains(&value) {
                 return Err(ConfigError::OutOfRange { key, value, least, most });
@@ -189,6 +215,10 @@ impl Config {
         let (speed_max_rad_s, speed_rad_s) = (self.limits.speed_max_rad_s, self.nominal_speed_rad_s());
         if speed_max_rad_s <= speed_rad_s {
             return Err(ConfigError::SpeedLimitBelowRig { speed_max_rad_s, speed_rad_s });
+        }
+        let (latency_ns, frame_ns) = (clock.frame_latency.0, self.rotation.frame_nanos());
+        if self.pacing == Pacing::SensorLocked && latency_ns > frame_ns / 2 {
+            return Err(ConfigError::LatencyTooLong { latency_ns, frame_ns });
         }
         Ok(self)
     }
@@ -207,6 +237,7 @@ pub(crate) mod tests {
             Rotation::new(slices, 24, u64::from(refresh_hz) * 1_000_000, Turns(123_456_789), direction).unwrap();
         Config {
             rotation,
+            pacing: Pacing::FrameLocked,
             control_rate_hz: 4_000.0,
             motor: MotorFigures {
                 inertia_kg_m2: 0.0045,
@@ -224,6 +255,7 @@ pub(crate) mod tests {
                 index_jitter_s: 5e-7,
             },
             clock: ClockFigures { frame_latency: Nanos(0), frame_jitter_ns: 2_000.0, wander_ppm_per_sqrt_s: 1.0 },
+            speed_drive: SpeedDriveFigures { acceleration_rad_s2: 30.0, settle: Nanos(500_000_000) },
             limits: Limits {
                 speed_max_rad_s: 8_000.0,
                 holdover: Nanos(10_000_000_000),
@@ -243,6 +275,11 @@ pub(crate) mod tests {
         let mut slow = good;
         slow.control_rate_hz = 599.0;
         assert!(matches!(slow.checked(), Err(ConfigError::ControlTooSlow { .. })));
+        let mut late = good;
+        late.clock.frame_latency = Nanos(2_100_000);
+        assert_eq!(late.checked(), Ok(late));
+        late.pacing = Pacing::SensorLocked;
+        assert!(matches!(late.checked(), Err(ConfigError::LatencyTooLong { .. })));
         let mut limited = good;
         limited.limits.speed_max_rad_s = 100.0;
         assert!(matches!(limited.checked(), Err(ConfigError::SpeedLimitBelowRig { .. })));

@@ -3,6 +3,7 @@
 use crate::actuator::Actuator;
 use crate::config::{Config, ConfigError};
 use crate::fault_log::{Cause, FaultLog};
+use crate::follower::Trigger;
 use crate::frames::Frames;
 use crate::plane_store::TurnHandle;
 use crate::projector_sync::ProjectorSync;
@@ -12,10 +13,13 @@ use crate::sequencer::{Frame, Sequencer};
 use crate::single::root;
 use crate::velocity_lock::{Reference, VelocityLock};
 use core::f32::consts::TAU;
+use modes::Pace;
 use protocol::message::{Command, Fault, State};
 use protocol::timing::Direction;
 use protocol::units::{Nanos, Turns};
 use serde::{Deserialize, Serialize};
+
+mod modes;
 
 /// What may happen to a controller.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -53,11 +57,16 @@ pub enum Input {
 pub struct Output {
     /// The torque to command, N m, counter-clockwise positive.
     pub torque_nm: f32,
+    /// The speed to command a drive that keeps it, rad/s, counter-clockwise positive; 0: the drive lets go. What counts is its integral from
+    /// tick to tick: where a drive takes no such fine steps, what was rounded off must be made up for.
+    pub speed_rad_s: f32,
     /// Whether the projector's light may be on, at once.
     pub light: bool,
     /// What the projector shows in the frame that it begins next. It is good for one frame: a projector that begins a frame for which
     /// nothing was armed shows nothing.
     pub armed: Option<Frame>,
+    /// When the projector is to begin it, if it begins frames when told.
+    pub trigger: Option<Trigger>,
     /// Slots that may be filled again.
     pub released: [Option<TurnHandle>; 2],
     /// What the controller is doing.
@@ -73,7 +82,9 @@ pub struct Estimates {
     pub angle: Turns,
     /// Its speed, rad/s, counter-clockwise positive.
     pub speed_rad_s: f32,
-    /// Phase error, slices; meaningful in [`State::Acquire`] and later.
+    /// Whether anything measures the mirror. If not, angle and speed are what its drive was told.
+    pub measured: bool,
+    /// Phase error, slices; 0 where nothing measures it; meaningful in [`State::Acquire`] and later.
     pub phase_error_slices: f32,
     /// The projector's frame rate, Hz.
     pub frame_rate_hz: f32,
@@ -93,6 +104,7 @@ pub struct Controller {
     lock: VelocityLock,
     sequencer: Sequencer,
     safety: Safety,
+    pace: Pace,
     service_slice: u16,
     last_tick: Option<Nanos>,
     /// A control tick is late when the last one is longer ago.
@@ -132,6 +144,7 @@ impl Controller {
             lock: VelocityLock::new(&config),
             sequencer: Sequencer::default(),
             safety: Safety::new(config.limits, log),
+            pace: Pace::new(&config),
             service_slice: 0,
             last_tick: None,
             tick_patience: Nanos((TICKS_TO_DARK * 1e9 / config.control_rate_hz) as u64),
@@ -148,10 +161,16 @@ impl Controller {
         self.check_ticks(now);
         match input {
             Input::Tick { encoder_count } => self.tick(now, encoder_count, &mut output),
-            Input::FramePulse { at } => {
-                self.projector.pulse(at);
-            }
-            Input::PlanePulse { at } => self.projector.plane_pulse(at),
+            Input::FramePulse { at } => match &mut self.pace {
+                Pace::Sensor(follower) => follower.frame_pulse(at),
+                _ => {
+                    self.projector.pulse(at);
+                }
+            },
+            Input::PlanePulse { at } => match &mut self.pace {
+                Pace::Sensor(follower) => follower.plane_pulse(at),
+                _ => self.projector.plane_pulse(at),
+            },
             Input::IndexPulse { at } => {
                 // What surprises a mirror that was in step came from outside; before, the model may be wrong as well.
                 if self.rotation.index(at) == Index::Accepted && self.is_learning() {
@@ -168,11 +187,13 @@ impl Controller {
 
     /// What the controller believes.
     pub fn estimates(&self) -> Estimates {
+        let (angle, speed) = self.believed();
         Estimates {
-            angle: self.config.rotation.angle(self.rotation.angle()),
-            speed_rad_s: self.rotation.speed() * self.sign,
-            phase_error_slices: self.lock.error_slices(),
-            frame_rate_hz: 1e9 / self.projector.period_ns(),
+            angle: self.config.rotation.angle(angle),
+            speed_rad_s: speed * self.sign,
+            measured: self.is_measured(),
+            phase_error_slices: self.error_slices(),
+            frame_rate_hz: self.frame_rate_hz(),
             inertia_kg_m2: 1.0 / self.rotation.acceleration_per_torque(),
         }
     }
@@ -219,57 +240,83 @@ impl Controller {
             }
             self.service_slice = slice;
         }
-        self.safety.command(now, command, !self.rotation.is_moving());
+        if let Command::ShiftPhase { shift } = command {
+            self.shift_phase(shift);
+        }
+        self.safety.command(now, command, self.is_parked());
     }
 
     fn tick(&mut self, now: Nanos, encoder_count: u32, output: &mut Output) {
         self.last_tick = Some(now);
-        self.projector.coast(now);
-        let acted = self.actuator.advance();
-        self.rotation.tick(now, encoder_count, acted);
-        let conditions = self.conditions();
-        self.safety.tick(now, &conditions);
-        self.torque = if self.safety.may_drive() {
-            let reference = self.reference(now);
-            self.lock.torque(&self.rotation, reference, self.actuator.lead_s(), self.is_learning())
-        } else {
-            0.0
+        match &mut self.pace {
+            Pace::Sensor(follower) => follower.coast(now),
+            _ => self.projector.coast(now),
+        }
+        if self.is_measured() {
+            let acted = self.actuator.advance();
+            self.rotation.tick(now, encoder_count, acted);
+        }
+        let conditions = match self.pace {
+            Pace::Frame => self.conditions(),
+            _ => self.conditions_of_mode(now),
         };
+        self.safety.tick(now, &conditions);
+        self.torque = if self.safety.may_drive() { self.drive(now) } else { 0.0 };
         self.actuator.command(self.torque);
-        self.arm(now, output);
+        match self.pace {
+            Pace::Sensor(_) => self.ask(now, output),
+            _ => self.arm(now, output),
+        }
+    }
+
+    /// The torque for the coming tick; a drive that keeps its own speed is told that, and needs none.
+    fn drive(&mut self, now: Nanos) -> f32 {
+        let reference = match &mut self.pace {
+            Pace::Sensor(follower) => Some(follower.reference()),
+            _ => self.reference(now),
+        };
+        if let Pace::Fixed(drive) = &mut self.pace {
+            drive.tick(now, reference);
+            return 0.0;
+        }
+        self.lock.torque(&self.rotation, reference, self.actuator.lead_s(), self.is_learning())
     }
 
     /// What holds after every input: no torque and no light but where safety allows them.
     fn settle(&mut self, now: Nanos, output: &mut Output) {
         if !self.safety.may_drive() {
             self.lock.release();
+            self.pace.release();
             self.torque = 0.0;
         }
         let state = self.safety.state();
         // Also where the estimate is in doubt: what is dark in the middle of a turn may only be lit again from the next index on.
-        if !matches!(state, State::Locked | State::Holdover) || !self.safety.may_light() {
+        if state == State::Service || !self.safety.may_light() {
             self.sequencer.close();
         }
-        let start_missed = self.watch_start(now);
+        let doubtful = self.is_doubtful();
+        let start_missed = self.watch_start(now, doubtful);
         output.state = state;
         output.torque_nm = self.torque * self.sign;
+        if let Pace::Fixed(drive) = &self.pace {
+            output.speed_rad_s = drive.speed() * self.sign;
+        }
         output.light = self.safety.may_light()
             && !self.ticks_are_late(now)
-            && (state == State::Service || !self.projector.is_doubtful() && !start_missed);
+            && (state == State::Service || !doubtful && !start_missed);
         output.fault = self.safety.fault();
     }
 
     /// Whether the frame on screen is the first of a turn and has been in doubt, or may still be that. A turn whose start was dark stays
     /// dark: light that came back at its 24th slice began a turn in the middle, for one lost plane pulse in six.
-    fn watch_start(&mut self, now: Nanos) -> bool {
-        let doubtful = self.projector.is_doubtful();
+    fn watch_start(&mut self, now: Nanos, doubtful: bool) -> bool {
         if !doubtful && self.missed_start.is_none() {
             return false;
         }
-        let Some(reading) = self.projector.reading(now) else {
+        let Some(reading) = self.reading(now) else {
             return false;
         };
-        if doubtful && self.frames.after(reading.frame, self.lock.slot()) == 0 {
+        if doubtful && self.frames.after(reading.frame, self.slot()) == 0 {
             self.sequencer.close();
             self.missed_start = Some(reading.serial);
         }
@@ -288,6 +335,8 @@ impl Controller {
         Some(Reference { angle, speed })
     }
 
+    /// Inlined: for its second caller, in another mode, every tick would pay 10 instructions.
+    #[inline(always)]
     fn conditions(&self) -> Conditions {
         let mirror = self.rotation.sigma_rad() / self.config.slice_rad();
         let clock = self.projector.sigma_frames() * self.config.rotation.planes_per_frame() as f32;
@@ -306,6 +355,7 @@ impl Controller {
             rate_slices_s: self.lock.rate_slices_s(),
             scatter_slices: self.rotation.index_scatter_rad() / self.config.slice_rad(),
             sigma_slices: root(mirror * mirror + clock * clock),
+            pacing: self.config.pacing,
         }
     }
 
@@ -322,11 +372,17 @@ impl Controller {
             return;
         }
         self.armed_after = Some(reading.serial);
-        self.doubtful_frames = if self.projector.is_doubtful() { self.doubtful_frames.saturating_add(1) } else { 0 };
+        let next = self.frames.after(reading.frame, 1 + self.slot());
+        let may = self.may_show(next);
+        self.show(next, may, output);
+    }
+
+    /// Arms frame `next` of the turn, dark unless it `may` be lit.
+    fn show(&mut self, next: u32, may: bool, output: &mut Output) {
+        self.doubtful_frames = if self.is_doubtful() { self.doubtful_frames.saturating_add(1) } else { 0 };
         // A doubt of a frame leaves a gap in the turn; one of half a turn ends it.
         let doubted = self.doubtful_frames > self.frames.count().max(2) / 2;
-        let lit = matches!(self.safety.state(), State::Locked | State::Holdover) && self.safety.may_light() && !doubted;
-        let next = self.frames.after(reading.frame, 1 + self.lock.slot());
+        let lit = may && self.safety.state() != State::Service && self.safety.may_light() && !doubted;
         let (frame, released) = self.sequencer.arm(next, lit);
         (output.armed, output.released[0]) = (Some(frame), released);
     }

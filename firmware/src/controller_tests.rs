@@ -1,7 +1,9 @@
 use super::*;
 use crate::config::tests::example;
+use crate::pacing::Pacing;
 use proptest::prelude::*;
 use protocol::units::Turns;
+use std::vec;
 
 #[test]
 fn an_impossible_configuration_makes_no_controller() {
@@ -67,6 +69,10 @@ fn a_fault_survives_a_reset_and_falls_to_a_command_alone() {
     assert_eq!(controller.faults().faults().count(Fault::EmergencyStop), 1);
 }
 
+fn pacing() -> impl Strategy<Value = Pacing> {
+    prop::sample::select(&[Pacing::FrameLocked, Pacing::SensorLocked, Pacing::FixedSpeed][..])
+}
+
 /// Any input, most of them plausible enough to reach deep states.
 fn input() -> impl Strategy<Value = (u64, Input)> {
     let wait = prop_oneof![6 => Just(250_000u64), 2 => 0u64..300_000, 1 => 0u64..10_000_000_000];
@@ -75,8 +81,10 @@ fn input() -> impl Strategy<Value = (u64, Input)> {
         1 => any::<u32>().prop_map(|encoder_count| Input::Tick { encoder_count }),
         4 => any::<u64>().prop_map(|at| Input::FramePulse { at: Nanos(at) }),
         4 => any::<u64>().prop_map(|at| Input::IndexPulse { at: Nanos(at) }),
+        4 => any::<u64>().prop_map(|at| Input::PlanePulse { at: Nanos(at) }),
         2 => Just(Input::Command(Command::Start)),
         1 => Just(Input::Command(Command::ClearFault)),
+        1 => any::<i32>().prop_map(|shift| Input::Command(Command::ShiftPhase { shift })),
         1 => (any::<u16>(), any::<u32>())
             .prop_map(|(slice, duration_ms)| Input::Command(Command::Service { slice, duration_ms })),
         2 => (0u8..4).prop_map(|turn| Input::TurnReady(TurnHandle(turn))),
@@ -91,7 +99,14 @@ fn holds(controller: &Controller, output: &Output) -> Result<(), TestCaseError> 
     prop_assert!(output.torque_nm.is_finite() && output.torque_nm.abs() <= limit);
     prop_assert!(!output.light || output.state.may_light());
     prop_assert!(output.torque_nm == 0.0 || !matches!(output.state, State::Idle | State::Fault | State::Service));
-    if !matches!(output.state, State::Locked | State::Holdover | State::Service) {
+    let config = controller.config();
+    let speed_max = if config.pacing == Pacing::FixedSpeed { config.limits.speed_max_rad_s } else { 0.0 };
+    prop_assert!(output.speed_rad_s.abs() <= speed_max && (output.speed_rad_s == 0.0 || output.state.may_drive()));
+    prop_assert!(output.trigger.is_none() || config.pacing == Pacing::SensorLocked);
+    if let Some(Trigger { plane_ns, .. }) = output.trigger {
+        prop_assert!(plane_ns > 0.0 && plane_ns.is_finite() && output.armed.is_some());
+    }
+    if !output.state.may_light() {
         prop_assert!(matches!(output.armed, None | Some(Frame::Dark)));
     }
     let estimates = controller.estimates();
@@ -128,10 +143,11 @@ proptest! {
 
     #[test]
     fn anything_may_come_in_any_order(
-        frames in 1u32..=170, clockwise: bool, inputs in prop::collection::vec(input(), 1..400),
+        frames in 1u32..=170, clockwise: bool, pacing in pacing(), inputs in prop::collection::vec(input(), 1..400),
     ) {
         let direction = if clockwise { Direction::Clockwise } else { Direction::CounterClockwise };
-        let mut controller = Controller::new(example(24 * frames, 240, direction)).unwrap();
+        let config = Config { pacing, ..example(24 * frames, 240, direction) };
+        let mut controller = Controller::new(config).unwrap();
         let (mut now, mut count) = (0u64, 0u32);
         for (wait, input) in inputs {
             now += wait;
@@ -144,6 +160,7 @@ proptest! {
                 }
                 Input::FramePulse { at } => Input::FramePulse { at: Nanos(near(at.0)) },
                 Input::IndexPulse { at } => Input::IndexPulse { at: Nanos(near(at.0)) },
+                Input::PlanePulse { at } => Input::PlanePulse { at: Nanos(near(at.0)) },
                 other => other,
             };
             let output = controller.step(Nanos(now), input);
@@ -153,8 +170,9 @@ proptest! {
 
     /// A rig that turns as it should, with pulses lost and added at random: deep in the locked states.
     #[test]
-    fn a_turning_mirror_with_wild_pulses(seed: u64, wild in 0u32..40, phase: u32) {
-        let mut controller = Controller::new(example(288, 240, Direction::CounterClockwise)).unwrap();
+    fn a_turning_mirror_with_wild_pulses(seed: u64, wild in 0u32..40, phase: u32, pacing in pacing()) {
+        let config = Config { pacing, ..example(288, 240, Direction::CounterClockwise) };
+        let mut controller = Controller::new(config).unwrap();
         let mut random = seed;
         let mut lit = 0;
         let mut roll = |sides: u32| {

@@ -40,6 +40,8 @@ pub struct Report {
     pub state: State,
     /// Why it stopped.
     pub fault: Option<Fault>,
+    /// Whether anything measures the mirror.
+    pub measured: bool,
     /// The mirror's angle ahead of the projector's picture, in 2⁻³² turn.
     pub phase_error: i32,
     /// The mirror's speed, turns in 10⁶ seconds.
@@ -56,6 +58,7 @@ impl Report {
         Self {
             state,
             fault,
+            measured: estimates.measured,
             phase_error: (estimates.phase_error_slices / slices as f32 * 4_294_967_296.0) as i32,
             speed_microhertz: (estimates.speed_rad_s.abs() / TAU * 1e6) as u32,
             turns_shown: screen.turns_shown,
@@ -180,6 +183,7 @@ impl<S: PlaneStore> Conversation<S> {
         Status {
             state: report.state,
             fault: report.fault,
+            measured: report.measured,
             phase_error: report.phase_error,
             speed_microhertz: report.speed_microhertz,
             turns_shown: report.turns_shown,

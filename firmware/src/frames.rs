@@ -39,6 +39,11 @@ impl Frames {
         Turns(((u64::from(frame) * self.scale) >> 32) as u32)
     }
 
+    /// The frame that `progress` lies in.
+    pub fn at(self, progress: Turns) -> u32 {
+        ((u64::from(progress.0) * u64::from(self.count.get())) >> 32) as u32
+    }
+
     /// The width of `fraction` of a frame.
     pub fn part(self, fraction: f32) -> Turns {
         Turns((fraction * (self.scale >> 32) as f32) as u32)
@@ -60,6 +65,7 @@ mod tests {
         for frame in 0..12 {
             let exact = Turns::fraction(u64::from(frame), 12);
             assert!(exact.signed_from(frames.start(frame)).abs() <= 1);
+            assert_eq!(frames.at(exact + Turns(2)), frame);
             let half = Turns::fraction(u64::from(frame) * 2 + 1, 24);
             assert!(half.signed_from(frames.start(frame) + frames.part(0.5)).abs() <= 32);
         }

@@ -1,7 +1,7 @@
 //! The controller's core: pure, `no_std`, without allocation. One [`step`](controller::Controller::step) an input.
 //!
-//! The projector is the master: its planes run on a free clock that cannot be tuned, and the mirror follows. Angles inside are
-//! *progress*: how far the mirror has turned since the index in its own direction, so that clockwise rigs differ in one sign only.
+//! Where the projector's planes run on a free clock the mirror follows it, by torque or by a drive that keeps its own speed; where they begin
+//! when told they follow the mirror: [`pacing`]. Angles inside are *progress*: how far the mirror has turned since the index in its own direction, so that clockwise rigs differ in one sign only.
 #![no_std]
 
 #[cfg(test)]
@@ -15,10 +15,12 @@ pub mod conversation;
 pub mod covariance;
 pub mod drive;
 pub mod fault_log;
+pub mod follower;
 pub mod frame_store;
 pub mod frames;
 pub mod hosted;
 pub mod lockstep;
+pub mod pacing;
 pub mod plane_run;
 pub mod plane_store;
 pub mod port_store;
@@ -28,6 +30,7 @@ pub mod rotation;
 pub mod safety;
 pub mod sequencer;
 pub mod single;
+pub mod speed_command;
 pub mod speed_window;
 pub mod station;
 pub mod time_base;

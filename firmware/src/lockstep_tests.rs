@@ -1,5 +1,6 @@
 use super::*;
 use crate::config::tests::example;
+use crate::follower::Trigger;
 use crate::safety::Levels;
 use protocol::codec::{ImageSize, turn_check};
 use protocol::message::{BeginTurn, Command, Configure, Control, EndTurn, Hello, Message, PlaneData, SCHEMA};
@@ -152,8 +153,10 @@ fn the_longest_messages_fit_a_frame() {
     let handle = crate::plane_store::TurnHandle(255);
     let output = Output {
         torque_nm: f32::MIN,
+        speed_rad_s: f32::MIN,
         light: true,
         armed: Some(crate::sequencer::Frame::Slices { turn: handle, frame: u16::MAX }),
+        trigger: Some(Trigger { wait_ns: u32::MAX, plane_ns: f32::MAX }),
         released: [Some(handle); 2],
         state: protocol::message::State::Fault,
         fault: Some(protocol::message::Fault::Watchdog),
@@ -162,11 +165,11 @@ fn the_longest_messages_fit_a_frame() {
     let mut config = example(288, 240, Direction::Clockwise);
     config.rotation = Rotation::new(4_080, 24, 10_000_000_000, Turns(u32::MAX), Direction::Clockwise).unwrap();
     config.sensors.encoder_counts_per_turn = u32::MAX;
-    (config.motor.command_delay, config.clock.frame_latency) = (at, at);
+    (config.motor.command_delay, config.clock.frame_latency, config.speed_drive.settle) = (at, at, at);
     (config.limits.holdover, config.limits.lock, config.limits.watchdog) = (at, at, at);
     let mut frame = [0; FRAME_BYTES_MAX];
     let begin = write(255, &Request::Begin(config), &mut frame).unwrap();
-    assert_eq!(begin.len(), 127);
+    assert_eq!(begin.len(), 142);
     assert!(write(255, &Request::Host { now: at, bytes: &[255; HOST_BYTES_MAX] }, &mut frame).is_some());
     let said = Said::from_slice(&[255; 2 * ANSWER_BYTES_MAX]).unwrap();
     assert!(write(255, &Answer::Heard { taken: u16::MAX, said, output: Some(output) }, &mut frame).is_some());

@@ -228,6 +228,11 @@ impl RotationEstimator {
         self.speed
     }
 
+    /// Acceleration over the last tick, rad/s², positive in the rig's direction.
+    pub fn acceleration(&self) -> f32 {
+        self.acceleration
+    }
+
     /// The relative standard deviation of the estimated inertia.
     pub fn sigma_inertia(&self) -> f32 {
         root(self.covariance.variance(YIELD)) / self.relative_yield

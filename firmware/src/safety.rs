@@ -3,6 +3,7 @@
 use crate::angle::nanos_to_f32;
 use crate::config::Limits;
 use crate::fault_log::{Cause, FaultLog};
+use crate::pacing::Pacing;
 use crate::single::at_least;
 use core::f32::consts::TAU;
 use protocol::message::{Command, Fault, Quantity, State};
@@ -39,6 +40,8 @@ pub struct Conditions {
     pub sigma_slices: f32,
     /// How far off the last index pulses were, root mean square, slices.
     pub scatter_slices: f32,
+    /// Who leads. In [`Pacing::FixedSpeed`] all of this is by what the drive was told.
+    pub pacing: Pacing,
 }
 
 impl Conditions {
@@ -107,6 +110,8 @@ const TRUST_TURNS: f32 = 1.0;
 /// A mirror in step that is in doubt for longer goes back to learning.
 const DARK_MAX: Nanos = Nanos(3_000_000_000);
 const FRAMES_TO_HOLDOVER: u32 = 3;
+/// Where nothing measures the mirror there is no model to hold over by.
+const FRAMES_TO_DARK: u32 = 2;
 const TURNS_TO_HOLDOVER: f32 = 2.5;
 const STALL: Nanos = Nanos(1_000_000_000);
 const SERVICE_MAX_MS: u32 = 60_000;
@@ -278,14 +283,20 @@ impl Safety {
         let missing = conditions.frames_missing >= FRAMES_TO_HOLDOVER
             || conditions.encoder_silent
             || conditions.turns_since_index > TURNS_TO_HOLDOVER;
-        let lost = !conditions.clock_known || !conditions.tracking || conditions.error_slices.abs() > UNLOCK_SLICES;
+        // Where the display follows the mirror the next frame is in its place again.
+        let out = conditions.error_slices.abs() > UNLOCK_SLICES && conditions.pacing != Pacing::SensorLocked;
+        let lost = !conditions.clock_known || !conditions.tracking || out;
         match self.state {
-            State::Locked | State::Holdover if lost => {
+            State::Locked | State::Holdover | State::OpenLoop if lost => {
                 self.driven_since = now;
                 let near = conditions.clock_known && conditions.error_slices.abs() < 12.0;
                 self.enter(now, if near { State::Acquire } else { State::SpinUp });
             }
-            State::Locked if self.is_long_dark(now) => {
+            State::Locked | State::OpenLoop if self.is_long_dark(now) => {
+                self.driven_since = now;
+                self.enter(now, State::Acquire);
+            }
+            State::OpenLoop if conditions.frames_missing >= FRAMES_TO_DARK => {
                 self.driven_since = now;
                 self.enter(now, State::Acquire);
             }
@@ -310,7 +321,8 @@ impl Safety {
                     since.is_some_and(|since| conditions.turns(now - since) >= turns && now - since >= time)
                 };
                 if lasts(self.fine_since, FINE_TURNS, Nanos::ZERO) || lasts(self.steady_since, LOCK_TURNS, LOCK_TIME) {
-                    self.enter(now, State::Locked);
+                    let measured = conditions.pacing != Pacing::FixedSpeed;
+                    self.enter(now, if measured { State::Locked } else { State::OpenLoop });
                 }
             }
             _ => {}

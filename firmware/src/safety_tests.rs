@@ -22,6 +22,7 @@ fn well() -> Conditions {
         rate_slices_s: 0.0,
         sigma_slices: 0.003,
         scatter_slices: 0.004,
+        pacing: Pacing::FrameLocked,
     }
 }
 
@@ -69,6 +70,34 @@ fn the_way_to_the_lock() {
     bench.run(0.12, well());
     assert_eq!(bench.safety.state(), State::Locked);
     assert!(bench.safety.may_light());
+}
+
+/// Nothing measures the mirror: the state says so, and there is no model to hold over by.
+#[test]
+fn an_open_loop_is_lit_while_frames_come() {
+    let open = Conditions { pacing: Pacing::FixedSpeed, ..well() };
+    let mut bench = Bench::new();
+    bench.safety.command(bench.now, Command::Start, true);
+    bench.run(0.12, open);
+    assert_eq!((bench.safety.state(), bench.safety.may_light()), (State::OpenLoop, true));
+    bench.run(0.1, Conditions { frames_missing: 1, ..open });
+    assert_eq!(bench.safety.state(), State::OpenLoop);
+    bench.run(0.0005, Conditions { frames_missing: 2, ..open });
+    assert_eq!((bench.safety.state(), bench.safety.may_light()), (State::Acquire, false));
+    bench.run(0.12, open);
+    assert_eq!(bench.safety.state(), State::OpenLoop);
+    bench.run(0.0005, Conditions { tracking: false, ..open });
+    assert_eq!((bench.safety.state(), bench.safety.may_light()), (State::Acquire, false));
+}
+
+/// A mirror that was pushed is dark, and where the display follows it not out of step.
+#[test]
+fn a_mirror_that_is_followed_is_not_out_of_step_when_it_is_pushed() {
+    for (pacing, state) in [(Pacing::FrameLocked, State::Acquire), (Pacing::SensorLocked, State::Locked)] {
+        let mut bench = Bench::locked();
+        bench.run(0.0005, Conditions { pacing, error_slices: 0.3, ..well() });
+        assert_eq!((bench.safety.state(), bench.safety.may_light()), (state, false));
+    }
 }
 
 #[test]
@@ -241,6 +270,7 @@ fn conditions() -> impl Strategy<Value = Conditions> {
         rate_slices_s: figures.4 * 10.0,
         sigma_slices: figures.5,
         scatter_slices: figures.5,
+        pacing: Pacing::FrameLocked,
     })
 }
 

@@ -50,12 +50,22 @@ impl Verdict {
     }
 }
 
+/// By how much all planes are off where nothing measures the mirror: the mean over the first turn, turns in the rig's direction.
+#[derive(Clone, Copy, Debug, Default)]
+struct Phase {
+    mean: f64,
+    planes: u32,
+    /// By how much the picture is to be turned in the dark.
+    shift: f64,
+}
+
 /// Sees every flash, in order.
 #[derive(Clone, Debug)]
 pub struct Checkers {
     rotation: Rotation,
     turn_ns: f64,
     verdict: Verdict,
+    phase: Phase,
     last: Option<(Flash, TurnHandle, u16)>,
     shown_at: Vec<Option<Nanos>>,
 }
@@ -70,6 +80,7 @@ impl Checkers {
             rotation: *rotation,
             turn_ns: rotation.frame_nanos() as f64 * f64::from(rotation.frames()),
             verdict: Verdict::default(),
+            phase: Phase::default(),
             last: None,
             shown_at: vec![None; rotation.slices() as usize],
         }
@@ -83,6 +94,26 @@ impl Checkers {
     /// The projector's rate was changed: a turn takes `turn_ns` from now on.
     pub fn set_turn_duration(&mut self, turn_ns: f64) {
         self.turn_ns = turn_ns;
+    }
+
+    /// The picture of a mirror that nothing measures is to be turned by so many turns in the rig's direction, when it is dark.
+    pub fn turn_picture(&mut self, turns: f64) {
+        self.phase.shift += turns;
+    }
+
+    /// The controller is in another state than [`State::OpenLoop`].
+    pub fn out_of_open_loop(&mut self) {
+        self.phase.mean += std::mem::take(&mut self.phase.shift);
+    }
+
+    /// The mirror was let go: where planes are to be in an open loop is found anew.
+    pub fn forget_phase(&mut self) {
+        self.phase = Phase::default();
+    }
+
+    /// By how much all planes are off in an open loop, turns in the rig's direction; `None` where no whole plane has been lit.
+    pub fn phase(&self) -> Option<f64> {
+        (self.phase.planes > 0).then_some(self.phase.mean)
     }
 
     /// Judges one flash.
@@ -118,16 +149,23 @@ impl Checkers {
         // A whole plane must be centred on the slice's middle; a part of one must lie within the slice. Both within the allowance.
         let slices = f64::from(self.rotation.slices());
         let middle = self.rotation.slice_middle(u32::from(slice)).radians();
+        let whole = sign * (flash.angle_end - flash.angle_start) / TAU * slices > 0.99;
+        if flash.state == State::OpenLoop {
+            if whole && self.phase.planes < self.rotation.slices() {
+                let turns = sign * (0.5 * (flash.angle_start + flash.angle_end) - middle) / TAU - self.phase.mean;
+                self.phase.planes += 1;
+                self.phase.mean += (turns - turns.round()) / f64::from(self.phase.planes);
+            } else if self.phase.planes == 0 {
+                return;
+            }
+        }
+        let phase = if flash.state == State::OpenLoop { self.phase.mean } else { 0.0 };
         let from_middle = |angle: f64| {
-            let turns = sign * (angle - middle) / TAU;
+            let turns = sign * (angle - middle) / TAU - phase;
             (turns - turns.round()) * slices
         };
         let (start, end) = (from_middle(flash.angle_start), from_middle(flash.angle_end));
-        let off = (-0.5 - start).max(end - 0.5).max(0.0).max(if end - start > 0.99 {
-            (0.5 * (start + end)).abs()
-        } else {
-            0.0
-        });
+        let off = (-0.5 - start).max(end - 0.5).max(0.0).max(if whole { (0.5 * (start + end)).abs() } else { 0.0 });
         self.verdict.farthest_slices = self.verdict.farthest_slices.max(off);
         if off > ALLOWED_SLICES {
             self.verdict.misplaced += 1;

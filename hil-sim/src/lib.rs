@@ -20,6 +20,7 @@ pub mod projector;
 pub mod scenario;
 pub mod sensors;
 pub mod simulator;
+pub mod speed_drive;
 pub mod statistics;
 pub mod streaming;
 pub mod tuning;

@@ -1,7 +1,8 @@
 //! A motor with its sensors and the projector's clock, as described by a file in `motors/`.
 
 use crate::check::{Range, ValueError};
-use firmware::config::{ClockFigures, Config, Gains, Limits, MotorFigures, SensorFigures};
+use firmware::config::{self, ClockFigures, Config, Gains, Limits, MotorFigures, SensorFigures};
+use firmware::pacing::Pacing;
 use protocol::rig::toml_problem;
 use protocol::timing::Rotation;
 use protocol::units::Nanos;
@@ -23,6 +24,9 @@ pub struct Motor {
     pub projector_clock: ProjectorClock,
     /// The control timer.
     pub controller: ControlTimer,
+    /// The same motor behind a drive that keeps its own speed.
+    #[serde(default)]
+    pub speed_drive: SpeedDriveFigures,
 }
 
 /// Mechanics and drive. Torques in N m, speeds in rad/s.
@@ -114,6 +118,27 @@ pub struct ControlTimer {
     pub damping: f64,
 }
 
+/// A drive that keeps the speed that it is told, with the plant's torque.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SpeedDriveFigures {
+    /// How often a turn its field pulls in the same way; a stepping motor of 200 steps has 50.
+    pub pole_pairs: u32,
+    /// Of the mirror's swinging about its field, as a damping ratio.
+    pub damping: f64,
+    /// By how much the controller changes its speed at most.
+    pub acceleration_rad_s2: f64,
+    /// When the mirror has stopped swinging.
+    pub settle_s: f64,
+}
+
+impl Default for SpeedDriveFigures {
+    /// A stepping motor's, whose drive damps it.
+    fn default() -> Self {
+        Self { pole_pairs: 50, damping: 0.3, acceleration_rad_s2: 30.0, settle_s: 0.5 }
+    }
+}
+
 fn default_bandwidth_hz() -> f64 {
     f64::from(Gains::default().bandwidth_rad_s) / TAU
 }
@@ -184,6 +209,10 @@ impl Motor {
             ("controller.rate_hz", self.controller.rate_hz, Range { least: 500.0, most: 1e5 }),
             ("controller.bandwidth_hz", self.controller.bandwidth_hz, Range { least: 0.1, most: 1e3 }),
             ("controller.damping", self.controller.damping, Range { least: 0.1, most: 10.0 }),
+            ("speed_drive.pole_pairs", f64::from(self.speed_drive.pole_pairs), Range { least: 1.0, most: 1e3 }),
+            ("speed_drive.damping", self.speed_drive.damping, Range { least: 0.0, most: 10.0 }),
+            ("speed_drive.acceleration_rad_s2", self.speed_drive.acceleration_rad_s2, Range { least: 1e-3, most: 1e5 }),
+            ("speed_drive.settle_s", self.speed_drive.settle_s, Range { least: 0.0, most: 60.0 }),
         ] {
             range.check(key, value)?;
         }
@@ -199,6 +228,7 @@ impl Motor {
         let (plant, sensors) = (&self.plant, &self.sensors);
         let mut config = Config {
             rotation: *rotation,
+            pacing: Pacing::default(),
             control_rate_hz: self.controller.rate_hz as f32,
             motor: MotorFigures {
                 inertia_kg_m2: plant.inertia_kg_m2 as f32,
@@ -222,6 +252,10 @@ impl Motor {
                 frame_latency,
                 frame_jitter_ns: (self.projector_clock.frame_jitter_us * 1e3) as f32,
                 wander_ppm_per_sqrt_s: self.projector_clock.wander_ppm_per_sqrt_s as f32,
+            },
+            speed_drive: config::SpeedDriveFigures {
+                acceleration_rad_s2: self.speed_drive.acceleration_rad_s2 as f32,
+                settle: Nanos::from_seconds(self.speed_drive.settle_s),
             },
             limits: Limits {
                 speed_max_rad_s: 0.0,

@@ -24,6 +24,8 @@ pub enum Source {
     Start,
     /// Plane pulses.
     PlanePulses,
+    /// How soon a projector answers a trigger.
+    Trigger,
 }
 
 /// The stream of one source.

@@ -1,10 +1,43 @@
-//! The projector: a free clock, pulses that announce its frames with jitter, and light that follows the clock smoothly.
+//! The projector: a free clock, pulses that announce its frames with jitter, and light that follows the clock smoothly; or one that begins a
+//! frame when told, in [`triggered`].
 
 use crate::motor::ProjectorClock;
 use crate::noise::{Noise, Source};
 use firmware::sequencer::Frame;
 use protocol::timing::Rotation;
 use std::collections::VecDeque;
+
+pub mod triggered;
+
+/// A projector, whoever leads it. Times in nanoseconds.
+pub trait Projector: Send {
+    /// Runs at another nominal rate from the next frame on, if it has one.
+    fn set_rate(&mut self, hz: f64);
+
+    /// Pulses scatter by `jitter_ns` from now on, standard deviation.
+    fn set_jitter(&mut self, jitter_ns: f64);
+
+    /// The rate that it is set to, Hz.
+    fn nominal_hz(&self) -> f64;
+
+    /// What to show in the next frame.
+    fn arm(&mut self, frame: Frame);
+
+    /// The trigger line is pulled at `at`, and told planes `plane_ns` apart. One that runs freely does not listen.
+    fn trigger(&mut self, at: f64, plane_ns: f64);
+
+    /// When a plane starts, or its light ends with none to follow at once.
+    fn next_change_at(&self) -> f64;
+
+    /// Goes on to that change; `None` where light ends.
+    fn change(&mut self) -> Option<PlaneStart>;
+
+    /// When the next frame pulse is seen.
+    fn pulse_at(&self) -> f64;
+
+    /// The pulse has been.
+    fn pass_pulse(&mut self);
+}
 
 /// One frame of light.
 #[derive(Clone, Copy, Debug)]
@@ -15,7 +48,7 @@ struct Light {
 
 /// The clock and what is on screen. Times in nanoseconds.
 #[derive(Clone, Debug)]
-pub struct Projector {
+pub struct FreeRunning {
     planes: u32,
     period_ns: f64,
     rate_error: f64,
@@ -47,7 +80,7 @@ pub struct PlaneStart {
     pub pulse_error_ns: f64,
 }
 
-impl Projector {
+impl FreeRunning {
     /// Starts somewhere in its first frame. `latency_ns`: from a frame pulse to its first plane.
     pub fn new(rotation: &Rotation, latency_ns: f64, clock: &ProjectorClock, seed: u64) -> Self {
         let mut start = Noise::new(seed ^ 0x9e37_79b9_7f4a_7c15, Source::Start);
@@ -75,33 +108,44 @@ impl Projector {
         projector
     }
 
-    /// Runs at another nominal rate from the next frame on.
-    pub fn set_rate(&mut self, hz: f64) {
+    fn begin_frame(&mut self) {
+        let period = self.draw_period();
+        self.coming.push_back(Light { start: self.next_edge + self.latency_ns, period });
+        self.pulse_at = self.next_edge + self.jitter_ns * self.pulse_noise.normal();
+        self.next_edge += period;
+    }
+
+    fn draw_period(&mut self) -> f64 {
+        let seconds = self.period_ns * 1e-9;
+        self.rate_error += self.wander_per_sqrt_s * seconds.sqrt() * self.rate_noise.normal();
+        self.period_ns / (1.0 + self.rate_error)
+    }
+}
+
+impl Projector for FreeRunning {
+    fn set_rate(&mut self, hz: f64) {
         self.period_ns = 1e9 / hz;
     }
 
-    /// Pulses scatter by `jitter_ns` from now on, standard deviation.
-    pub fn set_jitter(&mut self, jitter_ns: f64) {
+    fn set_jitter(&mut self, jitter_ns: f64) {
         self.jitter_ns = jitter_ns;
     }
 
-    /// The rate that it is set to, Hz.
-    pub fn nominal_hz(&self) -> f64 {
+    fn nominal_hz(&self) -> f64 {
         1e9 / self.period_ns
     }
 
-    /// What to show in the next frame.
-    pub fn arm(&mut self, frame: Frame) {
+    fn arm(&mut self, frame: Frame) {
         self.armed = Some(frame);
     }
 
-    /// When the next plane starts, ns.
-    pub fn next_plane_at(&self) -> f64 {
+    fn trigger(&mut self, _at: f64, _plane_ns: f64) {}
+
+    fn next_change_at(&self) -> f64 {
         self.light.start + self.light.period * f64::from(self.next_plane) / f64::from(self.planes)
     }
 
-    /// Starts the next plane.
-    pub fn start_plane(&mut self) -> PlaneStart {
+    fn change(&mut self) -> Option<PlaneStart> {
         if self.next_plane == 0 {
             self.shown = self.armed.take().unwrap_or_default();
         }
@@ -117,30 +161,15 @@ impl Projector {
             let after = Light { start: self.light.start + self.light.period, period: self.light.period };
             self.light = self.coming.pop_front().unwrap_or(after);
         }
-        start
+        Some(start)
     }
 
-    /// When the next frame pulse is seen, ns.
-    pub fn pulse_at(&self) -> f64 {
+    fn pulse_at(&self) -> f64 {
         self.pulse_at
     }
 
-    /// The pulse has been: the clock goes on to its next edge.
-    pub fn pass_pulse(&mut self) {
+    fn pass_pulse(&mut self) {
         self.begin_frame();
-    }
-
-    fn begin_frame(&mut self) {
-        let period = self.draw_period();
-        self.coming.push_back(Light { start: self.next_edge + self.latency_ns, period });
-        self.pulse_at = self.next_edge + self.jitter_ns * self.pulse_noise.normal();
-        self.next_edge += period;
-    }
-
-    fn draw_period(&mut self) -> f64 {
-        let seconds = self.period_ns * 1e-9;
-        self.rate_error += self.wander_per_sqrt_s * seconds.sqrt() * self.rate_noise.normal();
-        self.period_ns / (1.0 + self.rate_error)
     }
 }
 
@@ -151,9 +180,9 @@ mod tests {
     use protocol::timing::Direction;
     use protocol::units::Turns;
 
-    fn projector(latency_ns: f64) -> Projector {
+    fn projector(latency_ns: f64) -> FreeRunning {
         let rotation = Rotation::new(288, 24, 240_000_000, Turns::ZERO, Direction::Clockwise).unwrap();
-        Projector::new(&rotation, latency_ns, &Motor::reference().projector_clock, 11)
+        FreeRunning::new(&rotation, latency_ns, &Motor::reference().projector_clock, 11)
     }
 
     #[test]
@@ -161,16 +190,16 @@ mod tests {
         for latency_ns in [0.0, 300_000.0, 9_000_000.0] {
             let mut projector = projector(latency_ns);
             let (mut pulses, mut starts) = (Vec::new(), Vec::new());
-            let mut expected = projector.next_plane_at();
+            let mut expected = projector.next_change_at();
             while starts.len() < 200 {
-                if projector.pulse_at() < projector.next_plane_at() {
+                if projector.pulse_at() < projector.next_change_at() {
                     pulses.push(projector.pulse_at());
                     projector.pass_pulse();
                     continue;
                 }
-                let at = projector.next_plane_at();
+                let at = projector.next_change_at();
                 assert!((at - expected).abs() < 1e-3);
-                let plane = projector.start_plane();
+                let plane = projector.change().unwrap();
                 expected = at + plane.duration_ns;
                 if plane.plane == 0 {
                     starts.push(at);
@@ -191,10 +220,10 @@ mod tests {
         projector.arm(frame);
         let shown: Vec<Frame> = (0..48)
             .map(|_| {
-                if projector.pulse_at() < projector.next_plane_at() {
+                if projector.pulse_at() < projector.next_change_at() {
                     projector.pass_pulse();
                 }
-                projector.start_plane().frame
+                projector.change().unwrap().frame
             })
             .collect();
         assert_eq!(shown[..24], [frame; 24]);

@@ -12,6 +12,7 @@
 
 use crate::check::{Range, ValueError};
 use crate::expectation::Expectation;
+pub use firmware::pacing::Pacing;
 use protocol::rig::toml_problem;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -22,6 +23,9 @@ use thiserror::Error;
 pub struct Scenario {
     /// For people.
     pub name: String,
+    /// Who leads.
+    #[serde(default)]
+    pub pacing: Pacing,
     /// How the plant differs from the motor file that the firmware was configured from.
     #[serde(default)]
     pub plant: PlantScale,
@@ -82,6 +86,11 @@ pub enum Action {
     Stop,
     /// The host clears a fault.
     ClearFault,
+    /// The host turns the picture of a mirror that nothing measures.
+    ShiftPhase {
+        /// By how much, in the mirror's direction.
+        turns: f64,
+    },
     /// The host asks for one slice on the parked mirror.
     Service {
         /// Which.
@@ -191,6 +200,7 @@ impl Default for Scenario {
     fn default() -> Self {
         Self {
             name: "plain".to_owned(),
+            pacing: Pacing::default(),
             plant: PlantScale::default(),
             counters: Counters::default(),
             expect: None,
@@ -201,7 +211,7 @@ impl Default for Scenario {
 
 impl Scenario {
     /// The names of the scenarios that come with the simulator.
-    pub const BUILT_IN: [&str; 19] = [
+    pub const BUILT_IN: [&str; 26] = [
         "plain",
         "second-motor",
         "smooth-motor",
@@ -221,6 +231,13 @@ impl Scenario {
         "sensors-dead",
         "wraps",
         "emergency-stop",
+        "follow",
+        "follow-drift",
+        "follow-pulses",
+        "follow-disturbed",
+        "open-loop",
+        "open-loop-rates",
+        "open-loop-stop",
     ];
 
     /// A scenario that comes with the simulator, by its name.
@@ -245,6 +262,13 @@ impl Scenario {
             "sensors-dead" => include_str!("../scenarios/sensors-dead.toml"),
             "wraps" => include_str!("../scenarios/wraps.toml"),
             "emergency-stop" => include_str!("../scenarios/emergency-stop.toml"),
+            "follow" => include_str!("../scenarios/follow.toml"),
+            "follow-drift" => include_str!("../scenarios/follow-drift.toml"),
+            "follow-pulses" => include_str!("../scenarios/follow-pulses.toml"),
+            "follow-disturbed" => include_str!("../scenarios/follow-disturbed.toml"),
+            "open-loop" => include_str!("../scenarios/open-loop.toml"),
+            "open-loop-rates" => include_str!("../scenarios/open-loop-rates.toml"),
+            "open-loop-stop" => include_str!("../scenarios/open-loop-stop.toml"),
             _ => return None,
         };
         Some(Self::from_toml(text).expect("a file of this crate, tested below"))
@@ -306,6 +330,9 @@ impl Event {
             }
             Action::TorqueLimit { share } => {
                 Range { least: 0.0, most: 1.0 }.check(&format!("{place}.do.torque-limit.share"), share)
+            }
+            Action::ShiftPhase { turns } => {
+                Range { least: -0.5, most: 0.5 }.check(&format!("{place}.do.shift-phase.turns"), turns)
             }
             Action::Load { torque_nm } => {
                 Range { least: -1e4, most: 1e4 }.check(&format!("{place}.do.load.torque_nm"), torque_nm)

@@ -4,12 +4,13 @@ use crate::checkers::Verdict;
 use protocol::message::{Fault, State};
 use serde::Serialize;
 
-/// A summary of a run. Phase errors are the true mirror angle against where the plane on screen belongs, modulo a frame, in slices.
+/// A summary of a run. Phase errors are the true mirror angle against where the plane on screen belongs, modulo a frame, in slices; of a mirror
+/// that nothing measures, less their mean over the first turn that is lit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LockStatistics {
     /// Simulated seconds.
     pub seconds: f64,
-    /// Of these, in [`State::Locked`].
+    /// Of these, in [`State::Locked`] or [`State::OpenLoop`].
     pub locked_seconds: f64,
     /// Root mean square phase error while locked and not in doubt, slices.
     pub rms_slices: f64,
@@ -117,10 +118,11 @@ impl Collector {
         if let (true, Some(recovery)) = (light, self.recoveries.last_mut()) {
             recovery.peak_slices = recovery.peak_slices.max(size);
         }
-        if state == State::Locked {
+        let in_step = matches!(state, State::Locked | State::OpenLoop);
+        if in_step {
             self.locked_ns += plane_ns;
         }
-        if state == State::Locked && light {
+        if in_step && light {
             self.plane_ns = plane_ns;
             self.count += 1;
             self.squares += size * size;

@@ -179,6 +179,7 @@ fn found(sheet: &Motor, identified: &Identified) -> Motor {
         },
         sensors,
         projector_clock: sheet.projector_clock.clone(),
+        speed_drive: sheet.speed_drive.clone(),
         controller: sheet.controller.clone(),
     }
 }

@@ -7,14 +7,18 @@ use crate::checkers::{Checkers, Flash};
 use crate::faults::{CounterFaults, PulseFaults};
 use crate::motor::Motor;
 use crate::plant::{Plant, Stretch};
-use crate::projector::Projector;
+use crate::projector::triggered::Triggered;
+use crate::projector::{FreeRunning, Projector};
 use crate::scenario::{Action, Scenario};
 use crate::sensors::{Encoder, Index};
+use crate::speed_drive::SpeedDrive;
 use crate::statistics::Collector;
-use firmware::config::ConfigError;
+use firmware::config::{Config, ConfigError};
 use firmware::controller::{Controller, Estimates, Input, Output};
 use firmware::fault_log::FaultLog;
+use firmware::follower::Trigger;
 use firmware::hosted::Screen;
+use firmware::pacing::Pacing;
 use firmware::plane_store::{Plane, TurnHandle};
 use firmware::safety::Levels;
 use protocol::message::{Faults, State};
@@ -90,7 +94,9 @@ pub struct World {
     plant: Plant,
     encoder: Encoder,
     index: Index,
-    projector: Projector,
+    projector: Box<dyn Projector>,
+    /// What turns a mirror that nothing measures.
+    drive: Option<SpeedDrive>,
     core: Box<dyn Core + Send>,
     now: f64,
     ticks: u64,
@@ -100,6 +106,8 @@ pub struct World {
     lit: Option<Flash>,
     plane_was_lit: bool,
     on_screen: Plane,
+    /// The light of what is on screen is over, and nothing else is yet.
+    between_planes: bool,
     released: Vec<TurnHandle>,
     pub(crate) screen: Screen,
 
@@ -139,7 +147,8 @@ impl World {
         scenario: &Scenario,
         seed: u64,
     ) -> Result<Self, ConfigError> {
-        let controller = Controller::new(motor.firmware_config(rotation, frame_latency))?;
+        let config = motor.firmware_config(rotation, frame_latency);
+        let controller = Controller::new(Config { pacing: scenario.pacing, ..config })?;
         Ok(Self::with_core(rotation, frame_latency, motor, scenario, seed, Box::new(controller)))
     }
 
@@ -154,6 +163,12 @@ impl World {
     ) -> Self {
         let mut plant = Plant::new(&motor.plant, seed);
         plant.scale(scenario.plant.inertia, scenario.plant.friction);
+        let (latency_ns, clock) = (frame_latency.0 as f64, &motor.projector_clock);
+        let projector: Box<dyn Projector> = match scenario.pacing {
+            Pacing::SensorLocked => Box::new(Triggered::new(rotation, latency_ns, clock, seed)),
+            Pacing::FrameLocked | Pacing::FixedSpeed => Box::new(FreeRunning::new(rotation, latency_ns, clock, seed)),
+        };
+        let unmeasured = scenario.pacing == Pacing::FixedSpeed;
         Self {
             rotation: *rotation,
             sign: match rotation.direction() {
@@ -165,7 +180,8 @@ impl World {
             plant,
             encoder: Encoder::new(&motor.sensors, seed),
             index: Index::new(&motor.sensors, seed),
-            projector: Projector::new(rotation, frame_latency.0 as f64, &motor.projector_clock, seed),
+            projector,
+            drive: unmeasured.then(|| SpeedDrive::new(&motor.plant, &motor.speed_drive)),
             core,
             now: 0.0,
             ticks: 0,
@@ -175,6 +191,7 @@ impl World {
             lit: None,
             plane_was_lit: false,
             on_screen: Plane::Dark,
+            between_planes: false,
             released: Vec::new(),
             screen: Screen::default(),
             actions: scenario.events.iter().map(|event| (event.at_s * 1e9, event.action)).collect(),
@@ -239,17 +256,22 @@ impl World {
         let action = self.actions.front().map_or(f64::INFINITY, |&(at, _)| at.max(from));
         let longest = from + self.plant.longest_step() * 1e9;
         let to = until.min(self.next_tick().max(from)).min(arrival).min(action).min(longest);
-        let stretch = self.plant.advance((to - from) * 1e-9);
+        let seconds = (to - from) * 1e-9;
+        if let Some(drive) = &mut self.drive {
+            let torque = drive.torque(seconds, self.plant.angle(), self.plant.speed());
+            self.plant.set_command(torque);
+        }
+        let stretch = self.plant.advance(seconds);
         self.pass_index(from, &stretch);
         loop {
-            let (frame, plane) = (self.projector.pulse_at(), self.projector.next_plane_at());
+            let (frame, plane) = (self.projector.pulse_at(), self.projector.next_change_at());
             let (waiting, index) = self.first_pulse();
             let first = frame.min(plane).min(waiting);
             if first > to {
                 break;
             }
             if first == plane {
-                self.start_plane(plane.max(from), stretch.angle((plane.max(from) - from) * 1e-9));
+                self.change_light(plane.max(from), stretch.angle((plane.max(from) - from) * 1e-9));
             } else if first == frame {
                 self.projector.pass_pulse();
                 if self.frame_faults.passes(frame) {
@@ -282,7 +304,8 @@ impl World {
         if self.now < self.ticks_silent_until {
             return;
         }
-        let count = self.encoder.count(self.plant.angle());
+        // A drive that keeps its own speed has no encoder.
+        let count = if self.drive.is_none() { self.encoder.count(self.plant.angle()) } else { 0 };
         let encoder_count = self.encoder_faults.read(self.now, count).wrapping_add(self.epoch.1);
         self.feed(self.now, Input::Tick { encoder_count });
     }
@@ -292,7 +315,7 @@ impl World {
         let offset = self.rotation.phase_offset().radians();
         let [start, end] = stretch.ends().map(|angle| (angle - offset) / TAU);
         let passed = if end > start { end.floor() } else { start.floor() };
-        if start.floor() == end.floor() {
+        if start.floor() == end.floor() || self.drive.is_some() {
             return;
         }
         let at = from + stretch.time_of(passed * TAU + offset) * 1e9 + self.index.lateness();
@@ -310,73 +333,6 @@ impl World {
             Pulse::Plane { stamp_ns } => Input::PlanePulse { at: stamp(stamp_ns) },
         };
         self.feed_at(at.max(self.now), angle, input);
-    }
-
-    fn start_plane(&mut self, at: f64, angle: f64) {
-        let start = self.projector.start_plane();
-        if !self.plane_was_lit {
-            self.collector.dark_plane();
-        }
-        self.plane_was_lit = false;
-        self.on_screen = start.frame.plane(&self.rotation, start.plane);
-        let progress = self.sign * (angle - self.rotation.phase_offset().radians()) / TAU;
-        let planes = f64::from(self.rotation.planes_per_frame());
-        let frames = (progress * f64::from(self.rotation.slices()) - f64::from(start.plane)) / planes;
-        let error_slices = (frames - frames.round()) * planes;
-        self.collector.plane(at * 1e-9, error_slices, start.duration_ns, self.output.state, self.output.light);
-        self.sample(at, error_slices);
-        self.relight(at, angle, true);
-        if self.plane_faults.passes(at) {
-            // Light and pulse start together; a stamp may be early, its arrival not.
-            let stamp_ns = at + start.pulse_error_ns;
-            let echo = self.plane_faults.echo(stamp_ns);
-            let pulse = |stamp_ns: f64| (at.max(stamp_ns), Pulse::Plane { stamp_ns });
-            self.pulses.extend([stamp_ns].into_iter().chain(echo).map(pulse));
-        }
-    }
-
-    fn sample(&mut self, at: f64, error_slices: f64) {
-        let every = u64::from(self.recording.sample_every.max(1));
-        if self.samples.len() < self.recording.samples_max && self.collector.planes().is_multiple_of(every) {
-            let (speed_rad_s, state) = (self.plant.speed(), self.output.state);
-            self.samples.push(Sample { at_s: at * 1e-9, error_slices, speed_rad_s, state });
-        }
-    }
-
-    /// Ends the flash that was lit and begins the one that is, if anything changed.
-    fn relight(&mut self, at: f64, angle: f64, new_plane: bool) {
-        let wanted =
-            (self.output.light && self.on_screen != Plane::Dark).then_some((self.on_screen, self.output.state));
-        if !new_plane && self.lit.map(|flash| (flash.plane, flash.state)) == wanted {
-            return;
-        }
-        let now = Nanos((at + 0.5) as u64);
-        if let Some(mut flash) = self.lit.take() {
-            (flash.end, flash.angle_end) = (now, angle);
-            if flash.end > flash.start {
-                self.checkers.see(&flash);
-                self.keep(flash);
-            }
-        }
-        self.plane_was_lit |= wanted.is_some();
-        self.lit = wanted.map(|(plane, state)| Flash {
-            start: now,
-            end: now,
-            angle_start: angle,
-            angle_end: angle,
-            plane,
-            state,
-        });
-    }
-
-    fn keep(&mut self, flash: Flash) {
-        if self.recording.flashes_max == 0 {
-            return;
-        }
-        if self.flashes.len() == self.recording.flashes_max {
-            self.flashes.pop_front();
-        }
-        self.flashes.push_back(flash);
     }
 
     /// The controller's time at `at`.
@@ -397,10 +353,21 @@ impl World {
         if output.torque_nm != self.output.torque_nm {
             self.torques.push_back((at + self.delay_ns, f64::from(output.torque_nm)));
         }
+        if let (true, Some(drive)) = (output.speed_rad_s != self.output.speed_rad_s, &mut self.drive) {
+            drive.command(f64::from(output.speed_rad_s), self.plant.angle());
+        }
         if let Some(frame) = output.armed {
             self.projector.arm(frame);
         }
         self.screen.take(output.armed);
+        if let Some(Trigger { wait_ns, plane_ns }) = output.trigger {
+            self.projector.trigger(at + f64::from(wait_ns), f64::from(plane_ns));
+        }
+        match output.state {
+            State::OpenLoop => {}
+            state if state.may_drive() => self.checkers.out_of_open_loop(),
+            _ => self.checkers.forget_phase(),
+        }
         self.released.extend(output.released.into_iter().flatten());
         self.collector.state(at * 1e-9, output.state, output.fault);
         self.output = output;
@@ -410,6 +377,8 @@ impl World {
 
 #[path = "world_actions.rs"]
 mod actions;
+#[path = "world_light.rs"]
+mod light;
 #[path = "world_view.rs"]
 mod view;
 

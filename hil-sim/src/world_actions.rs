@@ -5,6 +5,7 @@ use crate::scenario::Action;
 use firmware::controller::{Input, Output};
 use firmware::safety::Levels;
 use protocol::message::Command;
+use protocol::units::Turns;
 
 impl World {
     /// The host commands something now.
@@ -12,6 +13,7 @@ impl World {
         match command {
             Command::Start => self.disturbed("start"),
             Command::Stop => self.collector.stopped(self.now * 1e-9),
+            Command::ShiftPhase { shift } => self.checkers.turn_picture(f64::from(shift) / 4_294_967_296.0),
             _ => {}
         }
         self.feed(self.now, Input::Command(command));
@@ -28,6 +30,9 @@ impl World {
             Action::Start => self.command(Command::Start),
             Action::Stop => self.command(Command::Stop),
             Action::ClearFault => self.command(Command::ClearFault),
+            Action::ShiftPhase { turns } => {
+                self.command(Command::ShiftPhase { shift: Turns::from_turns(turns).0 as i32 });
+            }
             Action::Service { slice, duration_ms } => self.command(Command::Service { slice, duration_ms }),
             Action::EmergencyStop => self.set_levels(Levels { emergency_stop: true, ..self.levels }),
             Action::EmergencyStopReleased => self.set_levels(Levels { emergency_stop: false, ..self.levels }),

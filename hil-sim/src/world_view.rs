@@ -81,6 +81,12 @@ impl World {
         self.plant.speed()
     }
 
+    /// How far the pictures of a mirror that nothing measures are from where they belong, turns in the rig's direction; `None` until a turn
+    /// has been lit.
+    pub fn constant_phase(&self) -> Option<f64> {
+        self.checkers.phase()
+    }
+
     /// What the run has been so far.
     pub fn statistics(&self) -> LockStatistics {
         self.collector.summary(self.now * 1e-9, self.checkers.verdict().clone())

@@ -3,6 +3,7 @@
 //! `tests/run` builds the image first. Without it, or without QEMU, these tests fail: they say what is missing.
 
 use budget::Budget;
+use firmware::config::Config;
 use firmware::controller::{Controller, Estimates, Input, Output};
 use firmware::plane_store::TurnHandle;
 use hil_sim::image::bench::streamed;
@@ -88,7 +89,7 @@ fn lock_figures(scenario: &str) -> Option<(f64, f64)> {
 /// Runs one window; what was wrong with it.
 fn run(image: &SharedImage, refresh_hz: u64, name: &str, seed: u64) -> Vec<String> {
     let (rotation, motor, scenario) = (rotation(refresh_hz), Motor::reference(), Scenario::built_in(name).unwrap());
-    let config = motor.firmware_config(&rotation, Nanos::ZERO);
+    let config = Config { pacing: scenario.pacing, ..motor.firmware_config(&rotation, Nanos::ZERO) };
     image.lock().begin(&config).unwrap();
     let first_difference = Arc::new(Mutex::new(None));
     let twins = Twins {

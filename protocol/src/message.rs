@@ -215,6 +215,8 @@ wire! {
         state: State,
         /// Why it stopped.
         fault: Option<Fault>,
+        /// Whether anything measures the mirror. If not, the phase error is 0 and the speed the one that the drive was told.
+        measured: bool,
         /// The mirror's angle ahead of the projector's picture, in 2⁻³² turn.
         phase_error: i32,
         /// The mirror's speed, turns in 10⁶ seconds.

@@ -6,10 +6,10 @@ use crate::input;
 use crate::rigs;
 use hil_sim::device::TurnHandle;
 use hil_sim::motor::Motor;
-use hil_sim::scenario::Scenario;
+use hil_sim::scenario::{Pacing, Scenario};
 use hil_sim::statistics::LockStatistics;
 use hil_sim::world::{World, repeat_command};
-use protocol::message::{Fault, Faults};
+use protocol::message::{Fault, Faults, State};
 use protocol::units::Nanos;
 use serde_json::{Value, json};
 use std::fmt::Display;
@@ -30,9 +30,14 @@ pub(super) struct Args {
     /// A motor file, or reference
     #[arg(long, default_value = REFERENCE_MOTOR)]
     motor: String,
-    /// A file of commands and faults over time, or plain, second-motor, smooth-motor, pulses, dropouts, rate-step, emergency-stop
+    /// A file of commands and faults over time, or plain, second-motor, smooth-motor, pulses, dropouts, rate-step, emergency-stop, follow,
+    /// open-loop
     #[arg(long, default_value = "plain")]
     scenario: String,
+    /// Who leads, in place of what the scenario says: the projector's clock, the mirror's sensors, or a drive that keeps its own
+    /// speed while nothing measures the mirror
+    #[arg(long, value_enum)]
+    pacing: Option<Leader>,
     /// Simulated seconds
     #[arg(long, value_name = "S", value_parser = seconds, allow_negative_numbers = true, default_value = "60")]
     seconds: f64,
@@ -44,6 +49,24 @@ pub(super) struct Args {
     json: bool,
 }
 
+/// The ways to keep mirror and projector in step.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Leader {
+    Frame,
+    Sensor,
+    Fixed,
+}
+
+impl Leader {
+    fn pacing(self) -> Pacing {
+        match self {
+            Self::Frame => Pacing::FrameLocked,
+            Self::Sensor => Pacing::SensorLocked,
+            Self::Fixed => Pacing::FixedSpeed,
+        }
+    }
+}
+
 fn seconds(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "must be a number of seconds".to_string())?;
     if (0.001..=1e5).contains(&value) { Ok(value) } else { Err("must be from 0.001 to 100000 seconds".into()) }
@@ -52,10 +75,11 @@ fn seconds(text: &str) -> Result<f64, String> {
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let rig = rigs::find(&args.rig)?;
     let motor = find_motor(&args.motor)?;
-    let scenario = match Scenario::built_in(&args.scenario) {
+    let mut scenario = match Scenario::built_in(&args.scenario) {
         Some(scenario) => scenario,
         None => load(&args.scenario, &Scenario::BUILT_IN.join(", "), Scenario::from_toml)?,
     };
+    scenario.pacing = args.pacing.map_or(scenario.pacing, Leader::pacing);
     let latency = Nanos::from_seconds(rig.projector.frame_latency_us * 1e-6);
     let mut world = World::new(&rig.rotation(), latency, &motor, &scenario, args.seed)
         .map_err(|error| Failure(format!("{} with motor {}: {error}", args.rig, args.motor)))?;
@@ -74,7 +98,9 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     }
     let first = verdict.first.as_deref().unwrap_or("a checker failed");
     let repeat = repeat_command(&args.rig, &args.motor, &args.scenario, args.seconds, args.seed);
-    Err(Failure(format!("{first}; repeat with: {repeat}")))
+    let pacing = args.pacing.and_then(|leader| clap::ValueEnum::to_possible_value(&leader));
+    let pacing = pacing.map(|leader| format!(" --pacing {}", leader.get_name())).unwrap_or_default();
+    Err(Failure(format!("{first}; repeat with: {repeat}{pacing}")))
 }
 
 /// The motor of this name, or of this file.
@@ -180,6 +206,9 @@ fn as_text(statistics: &LockStatistics, faults: &Faults) -> String {
         ),
         format!("farthest      {:.3} slices from its place", verdict.farthest_slices),
     ];
+    if statistics.states.iter().any(|(_, state)| *state == State::OpenLoop) {
+        lines.push("not measured  errors are about a constant angle that nobody knows".to_string());
+    }
     for recovery in &statistics.recoveries {
         let settled = recovery.settled_s.map_or("not in step".to_string(), |settled| {
             let ratio = recovery.ratio().filter(|_| recovery.torque_limited_s > 0.05);

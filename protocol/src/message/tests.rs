@@ -25,6 +25,7 @@ fn longest() -> Vec<Message<'static>> {
     let status = Status {
         state: State::Service,
         fault: Some(Fault::Watchdog),
+        measured: true,
         phase_error: i32::MIN,
         speed_microhertz: turn,
         turns_shown: turn,
@@ -124,9 +125,9 @@ fn what_is_not_in_the_table_is_refused() {
     assert_eq!(Message::decode(0x08, &[]), Err(MessageError::Malformed { name: "Ack" }));
     let long = MessageError::TooLong { name: "Ack", bytes: 9, bytes_max: 8 };
     assert_eq!(Message::decode(0x08, &[0; 9]), Err(long));
-    // Command 9 of 4, state 7 of 7.
+    // Command 9 of 5, state 8 of 8.
     assert_eq!(Message::decode(0x07, &[9]), Err(MessageError::Malformed { name: "Control" }));
-    assert_eq!(Message::decode(0x0a, &[7; 11]), Err(MessageError::Malformed { name: "Status" }));
+    assert_eq!(Message::decode(0x0a, &[8; 12]), Err(MessageError::Malformed { name: "Status" }));
 }
 
 #[test]

@@ -23,7 +23,7 @@ macro_rules! vocabulary {
 }
 
 vocabulary! {
-    /// What the controller is doing. The projector is dark in all states but `Locked`, `Holdover` and `Service`.
+    /// What the controller is doing. The projector is dark in all states but `Locked`, `Holdover`, `Service` and `OpenLoop`.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
     #[repr(u8)]
     pub enum State {
@@ -42,6 +42,8 @@ vocabulary! {
         Fault,
         /// Mirror parked without torque, a pattern lit for a limited time on command.
         Service,
+        /// Planes are lit on the word of a drive that keeps its own speed: nothing measures where the mirror is.
+        OpenLoop,
     }
 
     /// Why the controller stopped.
@@ -99,6 +101,11 @@ vocabulary! {
         },
         /// Leave [`State::Fault`], if its cause is gone.
         ClearFault,
+        /// Turn the picture of a mirror that nothing measures, from the start of a turn on; nothing happens where the mirror is measured.
+        ShiftPhase {
+            /// By how much, in 2⁻³² turn; positive is the way in which the mirror turns.
+            shift: i32,
+        },
     }
 
     /// Why the device refused a packet.
@@ -143,12 +150,12 @@ vocabulary! {
 impl State {
     /// Whether a plane may be lit.
     pub const fn may_light(self) -> bool {
-        matches!(self, Self::Locked | Self::Holdover | Self::Service)
+        matches!(self, Self::Locked | Self::Holdover | Self::Service | Self::OpenLoop)
     }
 
     /// Whether the mirror may be driven.
     pub const fn may_drive(self) -> bool {
-        matches!(self, Self::SpinUp | Self::Acquire | Self::Locked | Self::Holdover)
+        matches!(self, Self::SpinUp | Self::Acquire | Self::Locked | Self::Holdover | Self::OpenLoop)
     }
 }
 

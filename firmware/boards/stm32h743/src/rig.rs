@@ -1,7 +1,8 @@
 //! The machine that this board drives: the figures of its data sheets. They are to be made those of the real machine before the first
 //! spin; inertia and friction may be rough, they are identified in every spin-up.
 
-use firmware::config::{ClockFigures, Config, Gains, Limits, MotorFigures, SensorFigures};
+use firmware::config::{ClockFigures, Config, Gains, Limits, MotorFigures, SensorFigures, SpeedDriveFigures};
+use firmware::pacing::Pacing;
 use protocol::timing::{Direction, Rotation, RotationError};
 use protocol::units::{Nanos, Turns};
 
@@ -14,6 +15,8 @@ pub fn rotation() -> Result<Rotation, RotationError> {
 pub fn config(rotation: Rotation) -> Config {
     let mut config = Config {
         rotation,
+        // This board has neither a trigger line nor one for speed.
+        pacing: Pacing::FrameLocked,
         control_rate_hz: 4_000.0,
         motor: MotorFigures {
             inertia_kg_m2: 0.0045,
@@ -31,6 +34,7 @@ pub fn config(rotation: Rotation) -> Config {
         },
         gains: Gains::default(),
         clock: ClockFigures { frame_latency: Nanos(0), frame_jitter_ns: 2_000.0, wander_ppm_per_sqrt_s: 1.0 },
+        speed_drive: SpeedDriveFigures { acceleration_rad_s2: 30.0, settle: Nanos(500_000_000) },
         limits: Limits {
             speed_max_rad_s: 0.0,
             holdover: Nanos(10_000_000_000),
