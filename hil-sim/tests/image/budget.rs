@@ -10,7 +10,7 @@ const PLANE_INSTRUCTIONS: u64 = 7_000;
 /// A packet of the host is opened, its plane expanded and checked, and its answer made on top of each other: without a host it takes 5,100.
 const STACK_BYTES: u64 = 9 * 1024;
 /// 30 KiB of it are the host's end: messages, their packets, planes that expand.
-const FLASH_BYTES: u64 = 120 * 1024;
+const FLASH_BYTES: u64 = 132 * 1024;
 /// The longest packet, of 16 KiB, is checked before it is believed.
 const RAM_BYTES: u64 = 20 * 1024;
 
