@@ -9,7 +9,7 @@ use std::path::Path;
 const PLANE_INSTRUCTIONS: u64 = 7_000;
 /// A packet of the host is opened, its plane expanded and checked, and its answer made on top of each other: without a host it takes 5,100.
 const STACK_BYTES: u64 = 9 * 1024;
-/// 30 KiB of it are the host's end: messages, their packets, planes that expand.
+/// 30 KiB of it are the host's end: messages, their packets, planes that expand; 13 are the two other ways to keep step.
 const FLASH_BYTES: u64 = 132 * 1024;
 /// The longest packet, of 16 KiB, is checked before it is believed.
 const RAM_BYTES: u64 = 20 * 1024;
