@@ -3,23 +3,26 @@
 //! An expanded plane is one bit a pixel, row by row from the top; a row is packed least significant bit first (pixel x is bit
 //! `x % 8` of byte `x / 8`) and padded to whole bytes.
 //!
-//! A compressed plane is a sequence of runs. A run's first byte holds its kind (upper two bits) and its length (lower six):
-//! 0 to 60 mean 1 to 61 bytes, 61 to 63 mean 62 bytes and the little-endian number in the next 1 to 3 bytes.
+//! A compressed plane begins with a byte that says how it goes on. No plane needs another to be expanded: one that is lost costs itself.
 //!
-//! | kind | run | follows |
+//! | byte | what follows | good for |
 //! |---|---|---|
-//! | 0 | bytes as they are | the bytes |
-//! | 1 | zeros | nothing |
-//! | 2 | one byte again and again | the byte |
-//! | 3 | the bytes one row above | nothing |
+//! | 0 | [runs](runs) of bytes | test patterns, lines, anything |
+//! | 1 | [blocks] whose bits are sorted by the halftone's mask | planes halftoned by a mask that both ends know |
 
 use crc::{CRC_64_XZ, Crc, Table};
 use thiserror::Error;
 
+mod bits;
+mod blocks;
+mod mask;
+mod runs;
+
 #[cfg(feature = "std")]
 mod compress;
 #[cfg(feature = "std")]
-pub use compress::compress;
+pub use compress::Compressor;
+pub use mask::{Mask, MaskError};
 
 // 16 lanes are eight times as fast and take 32 KiB, which a controller may not have.
 #[cfg(feature = "std")]
@@ -27,14 +30,6 @@ type Lanes = Table<16>;
 #[cfg(not(feature = "std"))]
 type Lanes = Table<1>;
 static CRC_64: Crc<u64, Lanes> = Crc::<u64, Lanes>::new(&CRC_64_XZ);
-
-const KIND_LITERAL: u8 = 0;
-const KIND_ZERO: u8 = 1;
-const KIND_REPEAT: u8 = 2;
-#[cfg(feature = "std")]
-const KIND_ABOVE: u8 = 3;
-/// The first length that does not fit in a run's first byte.
-const LENGTH_LONG: usize = 62;
 
 /// The size of a picture in pixels. Checked on construction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -113,6 +108,29 @@ pub enum ExpandError {
         needed: usize,
     },
     /// See the message.
+    #[error("coding {coding} is not known: 0 and 1 are")]
+    Coding {
+        /// The first byte.
+        coding: u8,
+    },
+    /// See the message.
+    #[error("the plane was compressed by a halftone mask that is not here")]
+    NoMask,
+    /// See the message.
+    #[error("the block in row {row} and column {column} of blocks is impossible")]
+    Block {
+        /// Its row.
+        row: usize,
+        /// Its column.
+        column: usize,
+    },
+    /// See the message.
+    #[error("{bytes} bytes follow the end of the plane")]
+    Trailing {
+        /// How many, the last of the plane with them where it is not filled up with zeros.
+        bytes: usize,
+    },
+    /// See the message.
     #[error("a run of {length} bytes at byte {at} leaves the plane")]
     TooLong {
         /// Where the run begins.
@@ -144,55 +162,65 @@ pub enum ExpandError {
     },
 }
 
-/// What the next compressed byte is.
-#[derive(Clone, Copy, Debug)]
-enum Next {
-    Head,
-    Length { kind: u8, missing: u8, bits: u8, value: usize },
-    Literal { left: usize },
-    Repeated { length: usize },
+/// How a compressed plane goes on.
+const CODING_RUNS: u8 = 0;
+const CODING_BLOCKS: u8 = 1;
+
+#[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "no allocation")]
+enum Coding {
+    Unknown,
+    Runs(runs::Runs),
+    Blocks(blocks::Blocks),
 }
 
 /// Expands one plane.
 ///
 /// [`push`](Self::push) pieces of the compressed plane in order, then [`finish`](Self::finish). The plane is right only where
-/// both succeed.
-#[derive(Clone, Copy, Debug)]
+/// both succeed. It has 4 KiB.
+#[derive(Clone, Debug)]
 pub struct Expander {
     size: ImageSize,
-    at: usize,
-    next: Next,
+    coding: Coding,
 }
 
 impl Expander {
     /// For a plane of `size`.
     pub const fn new(size: ImageSize) -> Self {
-        Self { size, at: 0, next: Next::Head }
+        Self { size, coding: Coding::Unknown }
     }
 
-    /// Expands `input` into `plane`, which must be the same memory for every piece: [`ImageSize::plane_bytes`] of it.
-    pub fn push(&mut self, mut input: &[u8], plane: &mut [u8]) -> Result<(), ExpandError> {
+    /// Expands `input` into `plane`, which must be the same memory for every piece: [`ImageSize::plane_bytes`] of it. `mask`: the one
+    /// that both ends know, if there is one.
+    pub fn push(&mut self, mut input: &[u8], mask: &Mask, plane: &mut [u8]) -> Result<(), ExpandError> {
         self.check_memory(plane)?;
-        while let [first, rest @ ..] = input {
-            input = match self.next {
-                Next::Literal { left } => self.literal(left, input, plane),
-                Next::Head => self.head(*first, plane).map(|()| rest)?,
-                Next::Length { .. } => self.length(*first, plane).map(|()| rest)?,
-                Next::Repeated { length } => {
-                    self.fill(length, *first, plane);
-                    rest
+        if let (Coding::Unknown, [coding, rest @ ..]) = (&self.coding, input) {
+            self.coding = match *coding {
+                CODING_RUNS => Coding::Runs(runs::Runs::new(self.size)),
+                CODING_BLOCKS if !mask.is_set() => return Err(ExpandError::NoMask),
+                CODING_BLOCKS => {
+                    plane.fill(0);
+                    Coding::Blocks(blocks::Blocks::new(self.size))
                 }
+                coding => return Err(ExpandError::Coding { coding }),
             };
+            input = rest;
         }
-        Ok(())
+        match &mut self.coding {
+            Coding::Unknown => Ok(()),
+            Coding::Runs(runs) => runs.push(input, plane),
+            Coding::Blocks(blocks) => blocks.push(mask, input, plane),
+        }
     }
 
-    /// Whether the plane is complete and is what `check`, its [`plane_check`], says.
-    pub fn finish(self, plane: &[u8], check: u64) -> Result<(), ExpandError> {
+    /// Expands what is left, and says whether the plane is complete and is what `check`, its [`plane_check`], says.
+    pub fn finish(&mut self, mask: &Mask, plane: &mut [u8], check: u64) -> Result<(), ExpandError> {
         self.check_memory(plane)?;
-        if self.at != plane.len() || !matches!(self.next, Next::Head) {
-            return Err(ExpandError::Truncated { at: self.at, needed: plane.len() });
-        }
+        match &mut self.coding {
+            Coding::Unknown => return Err(ExpandError::Truncated { at: 0, needed: plane.len() }),
+            Coding::Runs(runs) => runs.finish(plane),
+            Coding::Blocks(blocks) => blocks.finish(mask, plane),
+        }?;
         let found = plane_check(plane);
         if found != check {
             return Err(ExpandError::Check { expected: check, found });
@@ -205,76 +233,6 @@ impl Expander {
         if plane.len() != needed {
             return Err(ExpandError::Memory { given: plane.len(), needed });
         }
-        Ok(())
-    }
-
-    fn head(&mut self, byte: u8, plane: &mut [u8]) -> Result<(), ExpandError> {
-        let (kind, code) = (byte >> 6, usize::from(byte & 63));
-        if code + 1 < LENGTH_LONG {
-            return self.run(kind, code + 1, plane);
-        }
-        self.next = Next::Length { kind, missing: (code + 2 - LENGTH_LONG) as u8, bits: 0, value: 0 };
-        Ok(())
-    }
-
-    fn length(&mut self, byte: u8, plane: &mut [u8]) -> Result<(), ExpandError> {
-        let Next::Length { kind, missing, bits, value } = self.next else { return Ok(()) };
-        let value = value | usize::from(byte) << bits;
-        if missing == 1 {
-            return self.run(kind, value + LENGTH_LONG, plane);
-        }
-        self.next = Next::Length { kind, missing: missing - 1, bits: bits + 8, value };
-        Ok(())
-    }
-
-    /// Begins a run. What is written later is checked here: `at + length` never leaves the plane. Those who write ask for their part of the
-    /// plane all the same, for a compiler that does not know this: nothing here can panic.
-    fn run(&mut self, kind: u8, length: usize, plane: &mut [u8]) -> Result<(), ExpandError> {
-        let at = self.at;
-        if length > plane.len() - at {
-            return Err(ExpandError::TooLong { at, length });
-        }
-        match kind {
-            KIND_LITERAL => self.next = Next::Literal { left: length },
-            KIND_ZERO => self.fill(length, 0, plane),
-            KIND_REPEAT => self.next = Next::Repeated { length },
-            _ => self.copy_above(length, plane)?,
-        }
-        Ok(())
-    }
-
-    fn literal<'a>(&mut self, left: usize, input: &'a [u8], plane: &mut [u8]) -> &'a [u8] {
-        let (bytes, rest) = input.split_at(left.min(input.len()));
-        if let Some(place) = plane.get_mut(self.at..).and_then(|rest| rest.get_mut(..bytes.len())) {
-            place.copy_from_slice(bytes);
-        }
-        self.at += bytes.len();
-        self.next = if left == bytes.len() { Next::Head } else { Next::Literal { left: left - bytes.len() } };
-        rest
-    }
-
-    fn fill(&mut self, length: usize, byte: u8, plane: &mut [u8]) {
-        plane.get_mut(self.at..).and_then(|rest| rest.get_mut(..length)).unwrap_or_default().fill(byte);
-        self.at += length;
-        self.next = Next::Head;
-    }
-
-    fn copy_above(&mut self, length: usize, plane: &mut [u8]) -> Result<(), ExpandError> {
-        let row = self.size.row_bytes();
-        let mut from = self.at.checked_sub(row).ok_or(ExpandError::NothingAbove { at: self.at })?;
-        // A run longer than a row copies what it has just written: at most a row at a time, so that source and target are apart.
-        let end = self.at + length;
-        while self.at < end {
-            let piece = row.min(end - self.at);
-            let Some((above, below)) = plane.split_at_mut_checked(self.at) else { break };
-            if let (Some(above), Some(below)) =
-                (above.get(from..).and_then(|row| row.get(..piece)), below.get_mut(..piece))
-            {
-                below.copy_from_slice(above);
-            }
-            (from, self.at) = (from + piece, self.at + piece);
-        }
-        self.next = Next::Head;
         Ok(())
     }
 }

@@ -1,34 +1,90 @@
 use super::*;
 use proptest::prelude::*;
 
-fn compressed(plane: &[u8], size: ImageSize) -> Vec<u8> {
+/// Ranks of a mask `side` pixels wide, in an order that a seed gives.
+fn ranks(side: u16, seed: u64) -> Vec<u16> {
+    let (mut ranks, mut state): (Vec<u16>, _) = ((0..side * side).collect(), seed);
+    for place in (1..ranks.len()).rev() {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ranks.swap(place, (state >> 33) as usize % (place + 1));
+    }
+    ranks
+}
+
+fn mask_of(ranks: &[u16]) -> Mask {
+    let mut mask = Mask::NONE;
+    mask.set(ranks.iter().copied()).unwrap();
+    mask
+}
+
+/// Ranks of a mask 64 pixels wide of which each block has one rank in every 64.
+fn even_ranks() -> Vec<u16> {
+    let pixels = ranks(8, 5);
+    let rank = |x: usize, y: usize| pixels[y % 8 * 8 + x % 8] * 64 + (y / 8 * 8 + x / 8) as u16;
+    (0..64 * 64).map(|cell| rank(cell % 64, cell / 64)).collect()
+}
+
+fn mask() -> Mask {
+    mask_of(&even_ranks())
+}
+
+fn compressed_by(plane: &[u8], size: ImageSize, shift: Option<u16>) -> Vec<u8> {
     let mut out = Vec::new();
-    compress(plane, size.row_bytes(), &mut out);
+    Compressor::new(size, Some(mask())).compress(plane, shift, &mut out);
     out
+}
+
+fn compressed(plane: &[u8], size: ImageSize) -> Vec<u8> {
+    compressed_by(plane, size, None)
 }
 
 fn expand<'a>(pieces: impl IntoIterator<Item = &'a [u8]>, size: ImageSize, check: u64) -> Result<Vec<u8>, ExpandError> {
     // What lay there before must not matter.
     let mut plane = vec![0xa5; size.plane_bytes()];
     let mut expander = Expander::new(size);
-    pieces.into_iter().try_for_each(|piece| expander.push(piece, &mut plane))?;
-    expander.finish(&plane, check)?;
+    let mask = mask();
+    pieces.into_iter().try_for_each(|piece| expander.push(piece, &mask, &mut plane))?;
+    expander.finish(&mask, &mut plane, check)?;
     Ok(plane)
 }
 
-fn disc(size: ImageSize, keep: impl Fn(u32, u32) -> bool) -> Vec<u8> {
+fn picture(size: ImageSize, is_lit: impl Fn(u32, u32) -> bool) -> Vec<u8> {
     let mut plane = vec![0; size.plane_bytes()];
     for (x, y) in (0..size.height()).flat_map(|y| (0..size.width()).map(move |x| (x, y))) {
-        let (dx, dy) = (2 * x as i32 - size.width() as i32, 2 * y as i32 - size.height() as i32);
-        if dx * dx + dy * dy < (size.width() * size.height()) as i32 / 2 && keep(x, y) {
-            plane[y as usize * size.row_bytes() + x as usize / 8] |= 1 << (x % 8);
-        }
+        plane[y as usize * size.row_bytes() + x as usize / 8] |= u8::from(is_lit(x, y)) << (x % 8);
     }
     plane
 }
 
-/// Small planes that use every kind of run, short and long.
-fn corpus() -> Vec<(ImageSize, Vec<u8>)> {
+fn disc(size: ImageSize, keep: impl Fn(u32, u32) -> bool) -> Vec<u8> {
+    picture(size, |x, y| {
+        let (dx, dy) = (2 * x as i32 - size.width() as i32, 2 * y as i32 - size.height() as i32);
+        dx * dx + dy * dy < (size.width() * size.height()) as i32 / 2 && keep(x, y)
+    })
+}
+
+/// A plane halftoned by [`mask`] with its ranks moved by `shift`; `luminance` is of 4096.
+fn halftoned(size: ImageSize, shift: u16, luminance: impl Fn(u32, u32) -> u16) -> Vec<u8> {
+    let ranks = even_ranks();
+    picture(size, |x, y| (ranks[(y % 64 * 64 + x % 64) as usize] + shift) % 4096 < luminance(x, y))
+}
+
+/// Small planes that use every coding and every kind of run and block, with the shift of those that a mask halftoned.
+fn corpus() -> Vec<(ImageSize, Vec<u8>, Option<u16>)> {
+    let size = |width, height| ImageSize::new(width, height).unwrap();
+    let runs = run_corpus().into_iter().map(|(size, plane)| (size, plane, None));
+    let blocks = [
+        (size(8, 8), 0, halftoned(size(8, 8), 0, |_, _| 2000)),
+        (size(100, 61), 1234, halftoned(size(100, 61), 1234, |x, y| (x * 30 + y * 11).saturating_sub(300) as u16)),
+        (size(72, 64), 4095, halftoned(size(72, 64), 4095, |x, y| if (x / 9 + y / 7) % 2 == 0 { 300 } else { 3_700 })),
+        // Halftoned by something else, and not at all.
+        (size(40, 24), 77, disc(size(40, 24), |x, y| (x ^ y) & 1 == 0)),
+        (size(24, 24), 9, vec![0; 72]),
+    ];
+    runs.chain(blocks.map(|(size, shift, plane)| (size, plane, Some(shift)))).collect()
+}
+
+fn run_corpus() -> Vec<(ImageSize, Vec<u8>)> {
     let size = |width, height| ImageSize::new(width, height).unwrap();
     let noise = |x: u32, y: u32| x.wrapping_mul(2_654_435_761).wrapping_add(y * 40_503 + x * y * 97) >> 5 & 3 == 0;
     vec![
@@ -51,7 +107,7 @@ fn the_bytes_of_the_runs() {
     let above = plane[..100].to_vec();
     plane[100..200].copy_from_slice(&above);
     // 0 0 7 8 9 | 5 zeros | 6 x aa | 86 zeros = 62 + 24 | 100 above = 62 + 38 | 98 zeros = 62 + 36
-    let expected = [0x04, 0, 0, 7, 8, 9, 0x44, 0x85, 0xaa, 0x7d, 24, 0xfd, 38, 0x7d, 36];
+    let expected = [0x00, 0x04, 0, 0, 7, 8, 9, 0x44, 0x85, 0xaa, 0x7d, 24, 0xfd, 38, 0x7d, 36];
     assert_eq!(compressed(&plane, size), expected);
     assert_eq!(expand([&expected[..]], size, plane_check(&plane)), Ok(plane));
     assert_eq!(plane_check(b"123456789"), 0x995d_c9bb_df19_39fa, "CRC-64/XZ as everybody knows it");
@@ -61,22 +117,22 @@ fn the_bytes_of_the_runs() {
 fn a_run_that_does_not_belong_is_refused() {
     let size = ImageSize::new(16, 4).unwrap();
     let refused = |stream: &[u8]| expand([stream], size, 0).unwrap_err();
-    assert_eq!(refused(&[0x48]), ExpandError::TooLong { at: 0, length: 9 });
-    assert_eq!(refused(&[0x47, 0x40]), ExpandError::TooLong { at: 8, length: 1 });
-    assert_eq!(refused(&[0x7f, 255, 255, 255]), ExpandError::TooLong { at: 0, length: 62 + 0xff_ffff });
-    assert_eq!(refused(&[0x40, 0xc0]), ExpandError::NothingAbove { at: 1 });
-    assert_eq!(refused(&[0x46]), ExpandError::Truncated { at: 7, needed: 8 });
-    assert_eq!(refused(&[0x07, 1, 2]), ExpandError::Truncated { at: 2, needed: 8 });
-    assert_eq!(refused(&[0x47, 0x7d]), ExpandError::Truncated { at: 8, needed: 8 });
-    assert!(matches!(refused(&[0x47]), ExpandError::Check { expected: 0, .. }));
-    let memory = Expander::new(size).push(&[0x47], &mut [0; 9]);
+    assert_eq!(refused(&[0, 0x48]), ExpandError::TooLong { at: 0, length: 9 });
+    assert_eq!(refused(&[0, 0x47, 0x40]), ExpandError::TooLong { at: 8, length: 1 });
+    assert_eq!(refused(&[0, 0x7f, 255, 255, 255]), ExpandError::TooLong { at: 0, length: 62 + 0xff_ffff });
+    assert_eq!(refused(&[0, 0x40, 0xc0]), ExpandError::NothingAbove { at: 1 });
+    assert_eq!(refused(&[0, 0x46]), ExpandError::Truncated { at: 7, needed: 8 });
+    assert_eq!(refused(&[0, 0x07, 1, 2]), ExpandError::Truncated { at: 2, needed: 8 });
+    assert_eq!(refused(&[0, 0x47, 0x7d]), ExpandError::Truncated { at: 8, needed: 8 });
+    assert!(matches!(refused(&[0, 0x47]), ExpandError::Check { expected: 0, .. }));
+    let memory = Expander::new(size).push(&[0, 0x47], &Mask::NONE, &mut [0; 9]);
     assert_eq!(memory, Err(ExpandError::Memory { given: 9, needed: 8 }));
 }
 
 #[test]
 fn no_truncation_and_no_bit_flip_gives_a_wrong_plane() {
-    for (size, plane) in corpus() {
-        let (stream, check) = (compressed(&plane, size), plane_check(&plane));
+    for (size, plane, shift) in corpus() {
+        let (stream, check) = (compressed_by(&plane, size, shift), plane_check(&plane));
         assert_eq!(expand([&stream[..]], size, check).as_ref(), Ok(&plane));
         for length in 0..stream.len() {
             expand([&stream[..length]], size, check).expect_err("truncated");
@@ -93,7 +149,48 @@ fn no_truncation_and_no_bit_flip_gives_a_wrong_plane() {
             assert_eq!(expand([&stream[..]], size, wrong), Err(ExpandError::Check { expected: wrong, found: check }));
         }
         let long = [&stream[..], &[0x40]].concat();
-        assert!(matches!(expand([&long[..]], size, check), Err(ExpandError::TooLong { .. })));
+        assert!(matches!(
+            expand([&long[..]], size, check),
+            Err(ExpandError::TooLong { .. } | ExpandError::Trailing { .. })
+        ));
+    }
+}
+
+#[test]
+fn a_coding_or_a_mask_that_is_not_here_is_refused() {
+    let size = ImageSize::new(16, 8).unwrap();
+    let push = |bytes: &[u8], mask: &Mask| Expander::new(size).push(bytes, mask, &mut [0; 16]);
+    assert_eq!(push(&[2, 0], &mask()), Err(ExpandError::Coding { coding: 2 }));
+    assert_eq!(push(&[1, 0], &Mask::NONE), Err(ExpandError::NoMask));
+    assert_eq!(expand([], size, 0), Err(ExpandError::Truncated { at: 0, needed: 16 }));
+}
+
+#[test]
+fn a_mask_holds_each_rank_once() {
+    let set = |ranks: Vec<u16>| Mask::default().set(ranks.into_iter());
+    for side in [8, 16, 32, 64] {
+        assert_eq!(set(ranks(side, 3)), Ok(()));
+    }
+    assert_eq!(set(vec![]), Err(MaskError::Size { ranks: 0 }));
+    assert_eq!(set((0..24 * 24).collect()), Err(MaskError::Size { ranks: 576 }));
+    let mut twice = ranks(8, 3);
+    twice[9] = twice[30];
+    assert_eq!(set(twice.clone()), Err(MaskError::Ranks { rank: twice[9], largest: 63 }));
+    twice[9] = 64;
+    assert_eq!(set(twice), Err(MaskError::Ranks { rank: 64, largest: 63 }));
+}
+
+#[test]
+fn even_luminance_costs_two_bits_a_block_and_a_slope_little_more() {
+    let size = ImageSize::new(512, 512).unwrap();
+    let bits = |shift, luminance: &dyn Fn(u32, u32) -> u16| {
+        let bytes = compressed_by(&halftoned(size, shift, luminance), size, Some(shift)).len();
+        8.0 * bytes as f64 / (64.0 * 64.0)
+    };
+    for shift in [0, 64, 704, 4032] {
+        assert!(bits(shift, &|_, _| 2048) < 2.05, "{shift}");
+        let slope = bits(shift, &|x, y| (x * 4 + y * 2) as u16);
+        assert!(slope < 2.5, "{shift}: {slope}");
     }
 }
 
@@ -107,10 +204,10 @@ fn a_plane_without_runs_hardly_grows() {
             (state >> 56) as u8
         })
         .collect();
-    assert!(compressed(&noise, size).len() <= size.plane_bytes() + 64);
+    assert!(compressed(&noise, size).len() <= size.plane_bytes() + 65);
     let sparse: Vec<u8> = noise.iter().enumerate().map(|(at, byte)| if at % 70 < 66 { *byte } else { 0 }).collect();
-    assert!(compressed(&sparse, size).len() <= size.plane_bytes() + size.plane_bytes() / 64 + 4);
-    assert_eq!(compressed(&vec![0; size.plane_bytes()], size).len(), 4);
+    assert!(compressed(&sparse, size).len() <= size.plane_bytes() + size.plane_bytes() / 64 + 5);
+    assert_eq!(compressed(&vec![0; size.plane_bytes()], size).len(), 5);
 }
 
 #[test]
@@ -126,7 +223,7 @@ proptest! {
     #[test]
     fn any_plane_comes_back_from_any_pieces(
         width in 1u32..200, height in 1u32..30, kinds in prop::collection::vec((0usize..4, 1usize..300, any::<u8>()), 1..30),
-        pieces in prop::collection::vec(1usize..50, 1..10),
+        pieces in prop::collection::vec(1usize..50, 1..10), shift in prop::option::of(0u16..4096),
     ) {
         let size = ImageSize::new(width, height).unwrap();
         let row = size.row_bytes();
@@ -143,8 +240,8 @@ proptest! {
             }
             at += length;
         }
-        let stream = compressed(&plane, size);
-        prop_assert!(stream.len() <= plane.len() + plane.len() / 64 + 4);
+        let stream = compressed_by(&plane, size, shift);
+        prop_assert!(shift.is_some() || stream.len() <= plane.len() + plane.len() / 64 + 5);
         let (mut rest, mut pieces, mut cut) = (&stream[..], pieces.into_iter().cycle(), Vec::new());
         while !rest.is_empty() {
             let (piece, after) = rest.split_at(pieces.next().unwrap().min(rest.len()));
@@ -155,8 +252,11 @@ proptest! {
     }
 
     #[test]
-    fn any_bytes_are_expanded_or_refused(stream in prop::collection::vec(any::<u8>(), 0..200), check: u64) {
+    fn any_bytes_are_expanded_or_refused(
+        coding in 0u8..3, mut stream in prop::collection::vec(any::<u8>(), 0..200), check: u64,
+    ) {
         let size = ImageSize::new(100, 20).unwrap();
+        stream.insert(0, coding);
         if let Ok(plane) = expand([&stream[..]], size, check) {
             prop_assert_eq!(plane_check(&plane), check);
         }
