@@ -8,28 +8,34 @@
 //! | byte | what follows | good for |
 //! |---|---|---|
 //! | 0 | [runs](runs) of bytes | test patterns, lines, anything |
-//! | 1 | [blocks] whose bits are sorted by the halftone's mask | planes halftoned by a mask that both ends know |
+//! | 1 | [blocks whose bits are sorted](sorted) | planes halftoned by a mask that both ends know |
+//! | 2 | [bytes by their neighbourhood](bytes) | planes halftoned by error diffusion, with codes that both ends know |
 
 use crc::{CRC_64_XZ, Crc, Table};
 use thiserror::Error;
 
 mod bits;
-mod blocks;
+mod byte_codes;
+mod bytes;
+mod codebook;
 mod mask;
 mod runs;
+mod sorted;
+mod walk;
 
 #[cfg(feature = "std")]
 mod compress;
 #[cfg(feature = "std")]
-pub use compress::Compressor;
+pub use bytes::compress::ByteStatistics;
+#[cfg(feature = "std")]
+pub use compress::{Compressor, Hint};
+
+pub use byte_codes::{ByteCodes, ByteCodesError, LENGTHS_BYTES};
+pub use codebook::Codebook;
 pub use mask::{Mask, MaskError};
 
-// 16 lanes are eight times as fast and take 32 KiB, which a controller may not have.
-#[cfg(feature = "std")]
-type Lanes = Table<16>;
-#[cfg(not(feature = "std"))]
-type Lanes = Table<1>;
-static CRC_64: Crc<u64, Lanes> = Crc::<u64, Lanes>::new(&CRC_64_XZ);
+// More lanes are faster and take more memory, which a controller may not have.
+static CRC_64: Crc<u64, Table<1>> = Crc::<u64, Table<1>>::new(&CRC_64_XZ);
 
 /// The size of a picture in pixels. Checked on construction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,6 +89,9 @@ impl ImageSize {
 
 /// The check that travels with a plane: CRC-64/XZ of its expanded bytes.
 pub fn plane_check(plane: &[u8]) -> u64 {
+    #[cfg(feature = "std")]
+    return crc_fast::checksum(crc_fast::CrcAlgorithm::Crc64Xz, plane);
+    #[cfg(not(feature = "std"))]
     CRC_64.checksum(plane)
 }
 
@@ -108,14 +117,14 @@ pub enum ExpandError {
         needed: usize,
     },
     /// See the message.
-    #[error("coding {coding} is not known: 0 and 1 are")]
+    #[error("coding {coding} is not known: 0, 1 and 2 are")]
     Coding {
         /// The first byte.
         coding: u8,
     },
     /// See the message.
-    #[error("the plane was compressed by a halftone mask that is not here")]
-    NoMask,
+    #[error("the plane was compressed by a mask or codes that were not sent before")]
+    NotKnown,
     /// See the message.
     #[error("the block in row {row} and column {column} of blocks is impossible")]
     Block {
@@ -164,20 +173,22 @@ pub enum ExpandError {
 
 /// How a compressed plane goes on.
 const CODING_RUNS: u8 = 0;
-const CODING_BLOCKS: u8 = 1;
+const CODING_SORTED: u8 = 1;
+const CODING_BYTES: u8 = 2;
 
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "no allocation")]
 enum Coding {
     Unknown,
     Runs(runs::Runs),
-    Blocks(blocks::Blocks),
+    Sorted(walk::Walk<sorted::Sorted>),
+    Bytes(walk::Walk<bytes::Bytes>),
 }
 
 /// Expands one plane.
 ///
 /// [`push`](Self::push) pieces of the compressed plane in order, then [`finish`](Self::finish). The plane is right only where
-/// both succeed. It has 4 KiB.
+/// both succeed. It has 3 KiB.
 #[derive(Clone, Debug)]
 pub struct Expander {
     size: ImageSize,
@@ -190,36 +201,37 @@ impl Expander {
         Self { size, coding: Coding::Unknown }
     }
 
-    /// Expands `input` into `plane`, which must be the same memory for every piece: [`ImageSize::plane_bytes`] of it. `mask`: the one
-    /// that both ends know, if there is one.
-    pub fn push(&mut self, mut input: &[u8], mask: &Mask, plane: &mut [u8]) -> Result<(), ExpandError> {
+    /// Expands `input` into `plane`, which must be the same memory for every piece: [`ImageSize::plane_bytes`] of it. `book`: what both
+    /// ends know; another one than the plane was compressed by gives an error, here or from [`finish`](Self::finish).
+    pub fn push(&mut self, mut input: &[u8], book: &Codebook, plane: &mut [u8]) -> Result<(), ExpandError> {
         self.check_memory(plane)?;
         if let (Coding::Unknown, [coding, rest @ ..]) = (&self.coding, input) {
             self.coding = match *coding {
                 CODING_RUNS => Coding::Runs(runs::Runs::new(self.size)),
-                CODING_BLOCKS if !mask.is_set() => return Err(ExpandError::NoMask),
-                CODING_BLOCKS => {
-                    plane.fill(0);
-                    Coding::Blocks(blocks::Blocks::new(self.size))
-                }
+                CODING_SORTED if book.mask.is_set() => Coding::Sorted(walk::Walk::new(self.size)),
+                CODING_BYTES if book.codes.is_set() => Coding::Bytes(walk::Walk::new(self.size)),
+                CODING_SORTED | CODING_BYTES => return Err(ExpandError::NotKnown),
                 coding => return Err(ExpandError::Coding { coding }),
             };
+            plane.fill(0);
             input = rest;
         }
         match &mut self.coding {
             Coding::Unknown => Ok(()),
             Coding::Runs(runs) => runs.push(input, plane),
-            Coding::Blocks(blocks) => blocks.push(mask, input, plane),
+            Coding::Sorted(sorted) => sorted.push(book, input, plane),
+            Coding::Bytes(bytes) => bytes.push(book, input, plane),
         }
     }
 
     /// Expands what is left, and says whether the plane is complete and is what `check`, its [`plane_check`], says.
-    pub fn finish(&mut self, mask: &Mask, plane: &mut [u8], check: u64) -> Result<(), ExpandError> {
+    pub fn finish(&mut self, book: &Codebook, plane: &mut [u8], check: u64) -> Result<(), ExpandError> {
         self.check_memory(plane)?;
         match &mut self.coding {
             Coding::Unknown => return Err(ExpandError::Truncated { at: 0, needed: plane.len() }),
             Coding::Runs(runs) => runs.finish(plane),
-            Coding::Blocks(blocks) => blocks.finish(mask, plane),
+            Coding::Sorted(sorted) => sorted.finish(book, plane),
+            Coding::Bytes(bytes) => bytes.finish(book, plane),
         }?;
         let found = plane_check(plane);
         if found != check {

@@ -1,7 +1,9 @@
-//! Bits of a stream, the lowest of each byte first.
+//! Bits of a stream, the highest of each byte first: so that a code's length is a count of leading zeros, or a comparison.
 
-/// What one code needs at most, bytes: see [`super::blocks`].
+/// What one code needs at most, bytes.
 pub(super) const CODE_BYTES: usize = 16;
+/// Bytes from the next one on that must be there to read a code without looking at the end.
+pub(super) const AHEAD_BYTES: usize = CODE_BYTES + 8;
 
 /// Reads bits that lie in memory.
 #[derive(Clone, Copy)]
@@ -27,14 +29,14 @@ impl<'a> BitReader<'a> {
     /// Whether a whole code is there, whatever it is.
     #[inline(always)]
     pub(super) fn has_code(&self) -> bool {
-        self.at / 8 + CODE_BYTES + 8 <= self.bytes.len()
+        self.at / 8 + AHEAD_BYTES <= self.bytes.len()
     }
 
-    /// The next 57 bits at least; zeros beyond the end.
+    /// The next 57 bits at least, from the highest on; zeros beyond the end.
     #[inline(always)]
     pub(super) fn peek(&self) -> u64 {
         let word = self.bytes.get(self.at / 8..).and_then(|bytes| bytes.first_chunk());
-        word.map_or(0, |word| u64::from_le_bytes(*word)) >> (self.at % 8)
+        word.map_or(0, |word| u64::from_be_bytes(*word)) << (self.at % 8)
     }
 
     /// Passes over `count` bits.
@@ -46,7 +48,7 @@ impl<'a> BitReader<'a> {
     /// The next `count` bits, at most 57.
     #[inline(always)]
     pub(super) fn take(&mut self, count: u32) -> u64 {
-        let value = self.peek() & ((1 << count) - 1);
+        let value = highest(self.peek(), count);
         self.skip(count);
         value
     }
@@ -56,24 +58,30 @@ impl<'a> BitReader<'a> {
     #[inline(always)]
     pub(super) fn rice(&mut self, low: u32) -> u32 {
         let next = self.peek();
-        let zeros = next.trailing_zeros();
+        let zeros = next.leading_zeros();
         if zeros >= UNARY_MAX {
             self.skip(UNARY_MAX + 7);
-            return (next >> UNARY_MAX) as u32 & 127;
+            return highest(next << UNARY_MAX, 7) as u32;
         }
         self.skip(zeros + 1 + low);
-        zeros << low | (next >> (zeros + 1)) as u32 & ((1 << low) - 1)
+        zeros << low | highest(next << (zeros + 1), low) as u32
     }
 
-    /// A number by the exponential Golomb code whose first class has `low` bits; at most 2¹² - 1.
+    /// A number by the exponential Golomb code whose first class has `low` bits; below 2¹³.
     #[inline(always)]
     pub(super) fn golomb(&mut self, low: u32) -> u32 {
         let next = self.peek();
-        let zeros = next.trailing_zeros().min(12);
+        let zeros = next.leading_zeros().min(12);
         let bits = zeros + low;
         self.skip(zeros + 1 + bits);
-        (((1 << zeros) - 1) << low) + ((next >> (zeros + 1)) as u32 & ((1 << bits) - 1))
+        (((1 << zeros) - 1) << low) + highest(next << (zeros + 1), bits) as u32
     }
+}
+
+/// The highest `count` bits of `word`, at most 63.
+#[inline(always)]
+fn highest(word: u64, count: u32) -> u64 {
+    (word >> 1) >> (63 - count)
 }
 
 /// Zeros after which a Rice code is no longer unary.
@@ -84,7 +92,7 @@ pub(super) const UNARY_MAX: u32 = 12;
 pub(super) struct BitWriter<'a> {
     out: &'a mut Vec<u8>,
     word: u64,
-    /// Bits in it: fewer than 8 between calls.
+    /// Bits in it, the lowest: fewer than 8 between calls.
     filled: u32,
 }
 
@@ -95,20 +103,21 @@ impl<'a> BitWriter<'a> {
         Self { out, word: 0, filled: 0 }
     }
 
-    /// The lowest `count` bits of `value`, at most 64; the others are zeros.
+    /// `value`, which has at most `count` bits, at most 64.
     #[inline(always)]
     pub(super) fn put(&mut self, value: u64, count: u32) {
         if count > 48 {
-            self.put(value & ((1 << 32) - 1), 32);
             self.put(value >> 32, count - 32);
+            self.put(value & ((1 << 32) - 1), 32);
             return;
         }
-        self.word |= value << self.filled;
+        self.word = self.word << count | value;
         self.filled += count;
-        let whole = self.filled as usize / 8;
-        self.out.extend_from_slice(&self.word.to_le_bytes()[..whole]);
-        self.word >>= 8 * whole;
+        let whole = self.filled / 8;
+        let bytes = (self.word << (63 - self.filled) << 1).to_be_bytes();
+        self.out.extend_from_slice(&bytes[..whole as usize]);
         self.filled %= 8;
+        self.word &= (1 << self.filled) - 1;
     }
 
     /// See [`BitReader::rice`].
@@ -116,24 +125,23 @@ impl<'a> BitWriter<'a> {
     pub(super) fn put_rice(&mut self, value: u32, low: u32) {
         let unary = value >> low;
         if unary >= UNARY_MAX {
-            self.put(u64::from(value) << UNARY_MAX, UNARY_MAX + 7);
+            self.put(value.into(), UNARY_MAX + 7);
         } else {
-            let rest = u64::from(value & ((1 << low) - 1));
-            self.put((rest << 1 | 1) << unary, unary + 1 + low);
+            self.put(u64::from(1 << low | value & ((1 << low) - 1)), unary + 1 + low);
         }
     }
 
     /// See [`BitReader::golomb`].
     pub(super) fn put_golomb(&mut self, value: u32, low: u32) {
         let zeros = ((value >> low) + 1).ilog2();
-        let rest = u64::from(value - (((1 << zeros) - 1) << low));
-        self.put((rest << 1 | 1) << zeros, 2 * zeros + 1 + low);
+        let rest = value - (((1 << zeros) - 1) << low);
+        self.put(u64::from(1 << (zeros + low) | rest), 2 * zeros + 1 + low);
     }
 
     /// Fills the last byte with zeros.
     pub(super) fn finish(self) {
         if self.filled > 0 {
-            self.out.push(self.word as u8);
+            self.out.push((self.word << (8 - self.filled)) as u8);
         }
     }
 }

@@ -11,12 +11,6 @@ fn ranks(side: u16, seed: u64) -> Vec<u16> {
     ranks
 }
 
-fn mask_of(ranks: &[u16]) -> Mask {
-    let mut mask = Mask::NONE;
-    mask.set(ranks.iter().copied()).unwrap();
-    mask
-}
-
 /// Ranks of a mask 64 pixels wide of which each block has one rank in every 64.
 fn even_ranks() -> Vec<u16> {
     let pixels = ranks(8, 5);
@@ -24,27 +18,44 @@ fn even_ranks() -> Vec<u16> {
     (0..64 * 64).map(|cell| rank(cell % 64, cell / 64)).collect()
 }
 
-fn mask() -> Mask {
-    mask_of(&even_ranks())
+/// Lengths of codes that were learnt from a few pictures, so that some are long.
+fn lengths() -> Vec<u8> {
+    let size = ImageSize::new(200, 100).unwrap();
+    let mut statistics = ByteStatistics::default();
+    statistics.add(&disc(size, |x, y| (x ^ y) & 1 == 0), size.row_bytes());
+    statistics.add(&disc(size, |x, y| (x * 5 + y * 3) % 11 < 4), size.row_bytes());
+    statistics.lengths()
 }
 
-fn compressed_by(plane: &[u8], size: ImageSize, shift: Option<u16>) -> Vec<u8> {
+fn book() -> &'static Codebook {
+    static BOOK: std::sync::OnceLock<Codebook> = std::sync::OnceLock::new();
+    BOOK.get_or_init(|| {
+        let mut book = Codebook::EMPTY;
+        book.mask.set(even_ranks().into_iter()).unwrap();
+        book.codes.set(&lengths()).unwrap();
+        book
+    })
+}
+
+fn compressed_by(plane: &[u8], size: ImageSize, hint: Hint) -> Vec<u8> {
     let mut out = Vec::new();
-    Compressor::new(size, Some(mask())).compress(plane, shift, &mut out);
+    let mut compressor = Compressor::new(size);
+    compressor.set_mask(book().mask.clone());
+    compressor.set_codes(&lengths()).unwrap();
+    compressor.compress(plane, hint, &mut out);
     out
 }
 
 fn compressed(plane: &[u8], size: ImageSize) -> Vec<u8> {
-    compressed_by(plane, size, None)
+    compressed_by(plane, size, Hint::None)
 }
 
 fn expand<'a>(pieces: impl IntoIterator<Item = &'a [u8]>, size: ImageSize, check: u64) -> Result<Vec<u8>, ExpandError> {
     // What lay there before must not matter.
     let mut plane = vec![0xa5; size.plane_bytes()];
     let mut expander = Expander::new(size);
-    let mask = mask();
-    pieces.into_iter().try_for_each(|piece| expander.push(piece, &mask, &mut plane))?;
-    expander.finish(&mask, &mut plane, check)?;
+    pieces.into_iter().try_for_each(|piece| expander.push(piece, book(), &mut plane))?;
+    expander.finish(book(), &mut plane, check)?;
     Ok(plane)
 }
 
@@ -63,16 +74,16 @@ fn disc(size: ImageSize, keep: impl Fn(u32, u32) -> bool) -> Vec<u8> {
     })
 }
 
-/// A plane halftoned by [`mask`] with its ranks moved by `shift`; `luminance` is of 4096.
+/// A plane halftoned by the mask of [`book`] with its ranks moved by `shift`; `luminance` is of 4096.
 fn halftoned(size: ImageSize, shift: u16, luminance: impl Fn(u32, u32) -> u16) -> Vec<u8> {
     let ranks = even_ranks();
     picture(size, |x, y| (ranks[(y % 64 * 64 + x % 64) as usize] + shift) % 4096 < luminance(x, y))
 }
 
-/// Small planes that use every coding and every kind of run and block, with the shift of those that a mask halftoned.
-fn corpus() -> Vec<(ImageSize, Vec<u8>, Option<u16>)> {
+/// Small planes that use every coding and every kind of run and block, with how they were halftoned.
+fn corpus() -> Vec<(ImageSize, Vec<u8>, Hint)> {
     let size = |width, height| ImageSize::new(width, height).unwrap();
-    let runs = run_corpus().into_iter().map(|(size, plane)| (size, plane, None));
+    let runs = run_corpus().into_iter().map(|(size, plane)| (size, plane, Hint::None));
     let blocks = [
         (size(8, 8), 0, halftoned(size(8, 8), 0, |_, _| 2000)),
         (size(100, 61), 1234, halftoned(size(100, 61), 1234, |x, y| (x * 30 + y * 11).saturating_sub(300) as u16)),
@@ -81,7 +92,14 @@ fn corpus() -> Vec<(ImageSize, Vec<u8>, Option<u16>)> {
         (size(40, 24), 77, disc(size(40, 24), |x, y| (x ^ y) & 1 == 0)),
         (size(24, 24), 9, vec![0; 72]),
     ];
-    runs.chain(blocks.map(|(size, shift, plane)| (size, plane, Some(shift)))).collect()
+    let diffused = [
+        (size(8, 8), picture(size(8, 8), |x, y| (x ^ y) & 1 == 0)),
+        (size(100, 45), disc(size(100, 45), |x, y| (x * 5 + y * 3) % 11 < 4)),
+        (size(24, 24), vec![0x93; 72]),
+        (size(24, 24), vec![0; 72]),
+    ];
+    let masked = blocks.map(|(size, shift, plane)| (size, plane, Hint::Mask { shift }));
+    runs.chain(masked).chain(diffused.map(|(size, plane)| (size, plane, Hint::Diffusion))).collect()
 }
 
 fn run_corpus() -> Vec<(ImageSize, Vec<u8>)> {
@@ -114,6 +132,14 @@ fn the_bytes_of_the_runs() {
 }
 
 #[test]
+fn the_check_of_a_host_is_that_of_a_controller() {
+    let bytes: Vec<u8> = (0..5000u32).map(|byte| (byte * byte / 7) as u8).collect();
+    for length in (0..300).chain([4999, 5000]) {
+        assert_eq!(plane_check(&bytes[..length]), CRC_64.checksum(&bytes[..length]));
+    }
+}
+
+#[test]
 fn a_run_that_does_not_belong_is_refused() {
     let size = ImageSize::new(16, 4).unwrap();
     let refused = |stream: &[u8]| expand([stream], size, 0).unwrap_err();
@@ -125,14 +151,14 @@ fn a_run_that_does_not_belong_is_refused() {
     assert_eq!(refused(&[0, 0x07, 1, 2]), ExpandError::Truncated { at: 2, needed: 8 });
     assert_eq!(refused(&[0, 0x47, 0x7d]), ExpandError::Truncated { at: 8, needed: 8 });
     assert!(matches!(refused(&[0, 0x47]), ExpandError::Check { expected: 0, .. }));
-    let memory = Expander::new(size).push(&[0, 0x47], &Mask::NONE, &mut [0; 9]);
+    let memory = Expander::new(size).push(&[0, 0x47], &Codebook::EMPTY, &mut [0; 9]);
     assert_eq!(memory, Err(ExpandError::Memory { given: 9, needed: 8 }));
 }
 
 #[test]
 fn no_truncation_and_no_bit_flip_gives_a_wrong_plane() {
-    for (size, plane, shift) in corpus() {
-        let (stream, check) = (compressed_by(&plane, size, shift), plane_check(&plane));
+    for (size, plane, hint) in corpus() {
+        let (stream, check) = (compressed_by(&plane, size, hint), plane_check(&plane));
         assert_eq!(expand([&stream[..]], size, check).as_ref(), Ok(&plane));
         for length in 0..stream.len() {
             expand([&stream[..length]], size, check).expect_err("truncated");
@@ -157,17 +183,19 @@ fn no_truncation_and_no_bit_flip_gives_a_wrong_plane() {
 }
 
 #[test]
-fn a_coding_or_a_mask_that_is_not_here_is_refused() {
+fn what_was_not_sent_before_is_refused() {
     let size = ImageSize::new(16, 8).unwrap();
-    let push = |bytes: &[u8], mask: &Mask| Expander::new(size).push(bytes, mask, &mut [0; 16]);
-    assert_eq!(push(&[2, 0], &mask()), Err(ExpandError::Coding { coding: 2 }));
-    assert_eq!(push(&[1, 0], &Mask::NONE), Err(ExpandError::NoMask));
+    let push = |bytes: &[u8], book: &Codebook| Expander::new(size).push(bytes, book, &mut [0; 16]);
+    assert_eq!(push(&[3, 0], book()), Err(ExpandError::Coding { coding: 3 }));
+    for coding in [1, 2] {
+        assert_eq!(push(&[coding, 0], &Codebook::EMPTY), Err(ExpandError::NotKnown));
+    }
     assert_eq!(expand([], size, 0), Err(ExpandError::Truncated { at: 0, needed: 16 }));
 }
 
 #[test]
 fn a_mask_holds_each_rank_once() {
-    let set = |ranks: Vec<u16>| Mask::default().set(ranks.into_iter());
+    let set = |ranks: Vec<u16>| Mask::NONE.clone().set(ranks.into_iter());
     for side in [8, 16, 32, 64] {
         assert_eq!(set(ranks(side, 3)), Ok(()));
     }
@@ -181,10 +209,43 @@ fn a_mask_holds_each_rank_once() {
 }
 
 #[test]
+fn codes_are_complete_or_refused() {
+    let set = |lengths: &[u8]| ByteCodes::NONE.clone().set(lengths);
+    let good = lengths();
+    assert_eq!(set(&good), Ok(()));
+    assert_eq!(set(&good[1..]), Err(ByteCodesError::Size { given: LENGTHS_BYTES - 1 }));
+    // Eight bits for every byte is a complete code; one byte in nine is not, nor one in none.
+    let mut eight = vec![0x88; LENGTHS_BYTES];
+    assert_eq!(set(&eight), Ok(()));
+    for wrong in [0x89, 0x80, 0x87, 0xf8] {
+        eight[3 * 128 + 70] = wrong;
+        assert_eq!(set(&eight), Err(ByteCodesError::Lengths { context: 3 }), "{wrong:#x}");
+    }
+}
+
+#[test]
+fn codes_are_as_short_as_the_bytes_allow() {
+    // Bytes that halve in frequency from one to the next: their codes grow by a bit each, up to the longest.
+    let size = ImageSize::new(8, 4080).unwrap();
+    let bytes = (0..11u8).flat_map(|rank| std::iter::repeat_n(0xff ^ rank, 1 << (10 - rank)));
+    let plane: Vec<u8> = bytes.flat_map(|byte| [byte, 0]).take(4080).collect();
+    let mut statistics = ByteStatistics::default();
+    statistics.add(&plane, size.row_bytes());
+    let lengths = statistics.lengths();
+    assert_eq!(ByteCodes::NONE.clone().set(&lengths), Ok(()));
+    let mut compressor = Compressor::new(size);
+    compressor.set_codes(&lengths).unwrap();
+    let mut out = Vec::new();
+    compressor.compress(&plane, Hint::Diffusion, &mut out);
+    // Two bits for a byte that is half of all, a bit for what follows it, and a bit for each row of blocks.
+    assert!(out.len() < 4080 * 2 / 8, "{}", out.len());
+}
+
+#[test]
 fn even_luminance_costs_two_bits_a_block_and_a_slope_little_more() {
     let size = ImageSize::new(512, 512).unwrap();
     let bits = |shift, luminance: &dyn Fn(u32, u32) -> u16| {
-        let bytes = compressed_by(&halftoned(size, shift, luminance), size, Some(shift)).len();
+        let bytes = compressed_by(&halftoned(size, shift, luminance), size, Hint::Mask { shift }).len();
         8.0 * bytes as f64 / (64.0 * 64.0)
     };
     for shift in [0, 64, 704, 4032] {
@@ -223,7 +284,8 @@ proptest! {
     #[test]
     fn any_plane_comes_back_from_any_pieces(
         width in 1u32..200, height in 1u32..30, kinds in prop::collection::vec((0usize..4, 1usize..300, any::<u8>()), 1..30),
-        pieces in prop::collection::vec(1usize..50, 1..10), shift in prop::option::of(0u16..4096),
+        pieces in prop::collection::vec(1usize..50, 1..10),
+        hint in prop_oneof![Just(Hint::None), Just(Hint::Diffusion), (0u16..4096).prop_map(|shift| Hint::Mask { shift })],
     ) {
         let size = ImageSize::new(width, height).unwrap();
         let row = size.row_bytes();
@@ -240,8 +302,8 @@ proptest! {
             }
             at += length;
         }
-        let stream = compressed_by(&plane, size, shift);
-        prop_assert!(shift.is_some() || stream.len() <= plane.len() + plane.len() / 64 + 5);
+        let stream = compressed_by(&plane, size, hint);
+        prop_assert!(hint != Hint::None || stream.len() <= plane.len() + plane.len() / 64 + 5);
         let (mut rest, mut pieces, mut cut) = (&stream[..], pieces.into_iter().cycle(), Vec::new());
         while !rest.is_empty() {
             let (piece, after) = rest.split_at(pieces.next().unwrap().min(rest.len()));
@@ -253,7 +315,7 @@ proptest! {
 
     #[test]
     fn any_bytes_are_expanded_or_refused(
-        coding in 0u8..3, mut stream in prop::collection::vec(any::<u8>(), 0..200), check: u64,
+        coding in 0u8..4, mut stream in prop::collection::vec(any::<u8>(), 0..200), check: u64,
     ) {
         let size = ImageSize::new(100, 20).unwrap();
         stream.insert(0, coding);
