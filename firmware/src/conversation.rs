@@ -161,6 +161,7 @@ impl<S: PlaneStore> Conversation<S> {
             _ if !self.connected => Err(Reason::NotConnected),
             Message::Configure(configure) => self.configure(configure),
             Message::BeginTurn(begin) => self.begin(begin).map(|()| None),
+            Message::Learn(learn) => self.store.learn(learn).map(|()| None).map_err(Into::into),
             Message::PlaneData(part) => self.plane(part).map(|()| None),
             Message::EndTurn(end) => self.end(end),
             Message::Control(control) => Ok(self.order(sequence, control.command)),

@@ -5,8 +5,8 @@
 //! ```
 
 use crate::plane_store::{PlaneStore, TurnHandle};
-use protocol::codec::{ExpandError, Expander, ImageSize, turn_check};
-use protocol::message::{EndTurn, PlaneData, Reason};
+use protocol::codec::{Codebook, ExpandError, Expander, ImageSize, LearnError, turn_check};
+use protocol::message::{EndTurn, Learn, PlaneData, Reason};
 use thiserror::Error;
 
 /// Turns that a store holds: one on screen, one to be filled.
@@ -22,8 +22,8 @@ pub trait Memory {
     /// All of it.
     fn bytes(&self) -> &[u8];
 
-    /// All of it.
-    fn bytes_mut(&mut self) -> &mut [u8];
+    /// All of it, and what planes are compressed by.
+    fn parts(&mut self) -> (&mut [u8], &mut Codebook);
 }
 
 /// Why the store refused.
@@ -86,6 +86,9 @@ pub enum StoreError {
         error: ExpandError,
     },
     /// See the message.
+    #[error(transparent)]
+    NotLearnt(#[from] LearnError),
+    /// See the message.
     #[error("slice {slice} is missing")]
     SliceMissing {
         /// The first slice that is missing.
@@ -110,6 +113,8 @@ impl From<StoreError> for Reason {
             StoreError::NotFilling(_) => Self::WrongTurn,
             StoreError::SliceOutOfRange { .. } => Self::SliceOutOfRange,
             StoreError::PartMissing { .. } => Self::PartMissing,
+            StoreError::NotLearnt(_) => Self::NotLearnt,
+            StoreError::Damaged { error: ExpandError::NotKnown, .. } => Self::NotKnown,
             StoreError::PartTooLong { .. } | StoreError::Damaged { .. } => Self::PlaneDamaged,
             StoreError::SliceMissing { .. } => Self::SliceMissing,
             StoreError::Check { .. } => Self::TurnDamaged,
@@ -219,11 +224,12 @@ impl<M: Memory> FrameStore<M> {
         Some(PlaneRef { size, bytes: planes.get(at..)?.get(..size.plane_bytes())? })
     }
 
-    /// The memory of a plane.
-    fn plane_mut(&mut self, format: Format, place: usize) -> &mut [u8] {
+    /// The memory of a plane, and what planes are compressed by.
+    fn plane_mut(&mut self, format: Format, place: usize) -> (&mut [u8], &Codebook) {
         let bytes = format.size.plane_bytes();
         let at = format.planes() * MARK_BYTES + place * bytes;
-        self.memory.bytes_mut().get_mut(at..).and_then(|rest| rest.get_mut(..bytes)).unwrap_or_default()
+        let (memory, book) = self.memory.parts();
+        (memory.get_mut(at..).and_then(|rest| rest.get_mut(..bytes)).unwrap_or_default(), book)
     }
 
     /// The check of a plane that is whole.
@@ -234,7 +240,7 @@ impl<M: Memory> FrameStore<M> {
     }
 
     fn mark(&mut self, place: usize, check: Option<u64>) {
-        let (marks, _) = self.memory.bytes_mut().as_chunks_mut::<MARK_BYTES>();
+        let (marks, _) = self.memory.parts().0.as_chunks_mut::<MARK_BYTES>();
         if let Some([whole, bytes @ ..]) = marks.get_mut(place) {
             *whole = check.is_some().into();
             *bytes = check.unwrap_or_default().to_le_bytes();
@@ -256,14 +262,14 @@ impl<M: Memory> FrameStore<M> {
     fn expand(&mut self, mut plane: UnderWay, format: Format, part: &PlaneData<'_>) -> Result<(), StoreError> {
         let (slice, place) = (part.slice, format.place(plane.turn, part.slice)?);
         let damaged = |error| StoreError::Damaged { slice, error };
-        let bytes = self.plane_mut(format, place);
-        plane.expander.push(part.bytes, bytes).map_err(damaged)?;
+        let (bytes, book) = self.plane_mut(format, place);
+        plane.expander.push(part.bytes, book, bytes).map_err(damaged)?;
         plane.received = part.offset + part.bytes.len() as u32;
         if plane.received < part.total {
             self.under_way = Some(plane);
             return Ok(());
         }
-        plane.expander.finish(bytes, part.check).map_err(damaged)?;
+        plane.expander.finish(book, bytes, part.check).map_err(damaged)?;
         self.mark(place, Some(part.check));
         Ok(())
     }
@@ -285,6 +291,12 @@ impl<M: Memory> PlaneStore for FrameStore<M> {
         }
         (self.format, self.slots, self.under_way) = (Some(format), [Use::Free; SLOTS], None);
         Ok(())
+    }
+
+    fn learn(&mut self, learn: &Learn<'_>) -> Result<(), StoreError> {
+        // Half a plane by other codes is no plane.
+        self.under_way = None;
+        Ok(self.memory.parts().1.learn(learn.kind, learn.bytes)?)
     }
 
     fn begin(&mut self) -> Result<TurnHandle, StoreError> {

@@ -2,7 +2,7 @@ use super::*;
 use crate::config::tests::example;
 use crate::follower::Trigger;
 use crate::safety::Levels;
-use protocol::codec::{ImageSize, turn_check};
+use protocol::codec::{Codebook, ImageSize, turn_check};
 use protocol::message::{BeginTurn, Command, Configure, Control, EndTurn, Hello, Message, PlaneData, SCHEMA};
 use protocol::packet::{Decoder, encode};
 use protocol::timing::Direction;
@@ -26,11 +26,11 @@ impl Gauge for NoGauge {
 
 /// Room for two turns of 24 slices of 8 x 8 pixels.
 #[derive(Debug)]
-struct Small([u8; 1_024]);
+struct Small([u8; 1_024], Codebook);
 
 impl Default for Small {
     fn default() -> Self {
-        Self([7; 1_024])
+        Self([7; 1_024], Codebook::EMPTY)
     }
 }
 
@@ -43,8 +43,8 @@ impl Memory for Small {
         &self.0
     }
 
-    fn bytes_mut(&mut self) -> &mut [u8] {
-        &mut self.0
+    fn parts(&mut self) -> (&mut [u8], &mut Codebook) {
+        (&mut self.0, &mut self.1)
     }
 }
 
@@ -118,7 +118,7 @@ fn a_host_is_answered_and_its_orders_are_steps() {
     let (check, turn) = (plane_check(&[0xff; 8]), TurnHandle(0));
     assert_eq!(ask(&mut session, now, 5, BeginTurn { turn: 7, slices: 24 }), (true, None));
     for slice in 0..24 {
-        let part = PlaneData { turn: 7, slice, offset: 0, total: 2, check, bytes: &[0x87, 0xff] };
+        let part = PlaneData { turn: 7, slice, offset: 0, total: 3, check, bytes: &[0, 0x87, 0xff] };
         assert_eq!(ask(&mut session, now, 6, part), (true, None));
     }
     assert_eq!(session.answer(&Request::Plane { turn, slice: 3 }, &mut NoGauge), Answer::Plane(None));

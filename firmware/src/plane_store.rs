@@ -2,7 +2,7 @@
 //! it moves handles, and the store (memory in the simulator, an FPGA's frame store on a board) keeps and expands the planes.
 
 use protocol::codec::ImageSize;
-use protocol::message::{EndTurn, PlaneData, Reason};
+use protocol::message::{EndTurn, Learn, PlaneData, Reason};
 
 /// One of the store's slots for a turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
@@ -35,6 +35,9 @@ pub trait PlaneStore {
     /// Turns of `slices` slices of `size` from now on. What was there is gone, unless the format is the same. Refused while a turn is
     /// finished and not released.
     fn configure(&mut self, slices: u16, size: ImageSize) -> Result<(), Self::Error>;
+
+    /// Keeps what planes are compressed by; refused where there is no room for it, or where it is none.
+    fn learn(&mut self, learn: &Learn<'_>) -> Result<(), Self::Error>;
 
     /// A slot for a new turn.
     fn begin(&mut self) -> Result<TurnHandle, Self::Error>;

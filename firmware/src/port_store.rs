@@ -22,7 +22,7 @@ use crate::plane_store::{PlaneStore, TurnHandle};
 use crate::sequencer::Frame;
 use crc::{CRC_16_IBM_3740, Crc, Table};
 use protocol::codec::ImageSize;
-use protocol::message::{EndTurn, PlaneData, Reason};
+use protocol::message::{EndTurn, Learn, PlaneData, Reason};
 use thiserror::Error;
 
 static CRC_16: Crc<u16, Table<1>> = Crc::<u16, Table<1>>::new(&CRC_16_IBM_3740);
@@ -193,6 +193,11 @@ impl<P: Port> PlaneStore for PortStore<P> {
     fn configure(&mut self, slices: u16, size: ImageSize) -> Result<(), Self::Error> {
         let fields = Fields { slice: slices, offset: size.width(), total: size.height(), ..Fields::default() };
         self.ask(Operation::Configure, &fields, &[]).map(drop)
+    }
+
+    /// No store behind a port knows masks or codes yet: planes come as runs.
+    fn learn(&mut self, _: &Learn<'_>) -> Result<(), Self::Error> {
+        Err(PortError::Refused(Reason::NotLearnt))
     }
 
     fn begin(&mut self) -> Result<TurnHandle, Self::Error> {

@@ -9,7 +9,7 @@ use crate::simulator::Simulator;
 use crate::statistics::LockStatistics;
 use crate::world::{Recording, World};
 use firmware::plane_store::TurnHandle;
-use protocol::codec::{ImageSize, compress, plane_check, turn_check};
+use protocol::codec::{Compressor, Hint, ImageSize, plane_check, turn_check};
 use protocol::message::Status;
 use protocol::timing::{Direction, Rotation};
 use protocol::units::{Nanos, Turns};
@@ -79,7 +79,7 @@ impl Turn {
         let planes: Vec<_> = (0..slices).map(plane).collect();
         let packed = |plane: &Vec<u8>| {
             let mut out = Vec::new();
-            compress(plane, size.row_bytes(), &mut out);
+            Compressor::new(size).compress(plane, Hint::None, &mut out);
             out
         };
         Self {

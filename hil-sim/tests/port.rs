@@ -4,7 +4,7 @@ use firmware::plane_store::{PlaneStore, TurnHandle};
 use firmware::port_store::{Fields, HEAD_BYTES, Operation, Port, PortError, PortStore, REFUSALS, head};
 use hil_sim::frame_store::{MemoryStore, StoreError};
 use proptest::prelude::*;
-use protocol::codec::{ImageSize, compress, plane_check, turn_check};
+use protocol::codec::{Compressor, Hint, ImageSize, plane_check, turn_check};
 use protocol::message::{EndTurn, PlaneData, Reason};
 
 const SLICES: u16 = 24;
@@ -119,7 +119,7 @@ fn act<S: PlaneStore>(store: &mut S, action: &Action, size: &mut ImageSize) -> R
     let mut write = |slot: u8, slice: u16, part: Option<usize>| {
         let plane = plane(slice, bytes);
         let mut compressed = Vec::new();
-        compress(&plane, size.row_bytes(), &mut compressed);
+        Compressor::new(*size).compress(&plane, Hint::None, &mut compressed);
         let (total, check) = (compressed.len() as u32, plane_check(&plane));
         let middle = compressed.len() / 2;
         let (offset, bytes) = match part {

@@ -5,6 +5,7 @@ pub mod bench;
 pub mod chart;
 pub mod commands;
 pub mod flash;
+pub mod halftoned;
 pub mod input;
 pub mod link;
 pub mod machine;

@@ -2,10 +2,10 @@
 
 use crate::link::{Link, LinkError};
 use conversation::{Answer, Conversation};
-use protocol::codec::{ImageSize, compress, plane_check, turn_check};
+use protocol::codec::{ByteStatistics, Compressor, Hint, ImageSize, Mask, plane_check, turn_check};
 use protocol::message::{
-    BeginTurn, Command, Configure, Control, EndTurn, Faults, Hello, Message, PLANE_PART_BYTES, PlaneData, Reason,
-    SCHEMA, State, Status, VERSION,
+    BeginTurn, Command, Configure, Control, EndTurn, Faults, Hello, Knowledge, Learn, Message, PLANE_PART_BYTES,
+    PlaneData, Reason, SCHEMA, State, Status, VERSION,
 };
 use protocol::packet::PacketError;
 use protocol::timing::Rotation;
@@ -30,6 +30,16 @@ pub trait TurnPlanes {
     /// Slice `slice`, below [`slices`](Self::slices), in the layout of [`protocol::codec`]: one bit a pixel, rows from the top,
     /// each packed least significant bit first and padded to whole bytes.
     fn plane_bytes(&self, slice: u32) -> &[u8];
+
+    /// How slice `slice` was halftoned, as far as that helps to compress it.
+    fn hint(&self, _slice: u32) -> Hint {
+        Hint::None
+    }
+
+    /// The ranks of the mask that [`hint`](Self::hint) speaks of, row by row.
+    fn mask_ranks(&self) -> &[u16] {
+        &[]
+    }
 }
 
 /// Why a turn or an order did not reach the device.
@@ -140,9 +150,21 @@ pub struct Stream<L> {
     rotation: Rotation,
     size: ImageSize,
     turn: u32,
+    compressor: Compressor,
+    known: Known,
     /// Of one plane, kept for its memory.
     compressed: Vec<u8>,
 }
+
+/// What the device was told, or has no room for.
+#[derive(Debug, Default)]
+struct Known {
+    ranks: Vec<u16>,
+    codes: bool,
+}
+
+/// Codes are learnt from every so many slices of the first turn that needs some.
+const LEARN_EVERY: usize = 9;
 
 /// A packet of a plane that was not answered yet.
 struct Sent {
@@ -163,7 +185,15 @@ impl<L: Link> Stream<L> {
             return Err(StreamError::Schema { device_version: version, device_schema: schema });
         }
         conversation.ask(&Configure::new(rotation, size).into())?;
-        Ok(Self { conversation, rotation: *rotation, size, turn: 0, compressed: Vec::new() })
+        Ok(Self {
+            conversation,
+            rotation: *rotation,
+            size,
+            turn: 0,
+            compressor: Compressor::new(size),
+            known: Known::default(),
+            compressed: Vec::new(),
+        })
     }
 
     /// Sends `turn` and returns when the device has it whole; it comes on screen at the next index. Waits while both slots of
@@ -172,6 +202,7 @@ impl<L: Link> Stream<L> {
     /// After an error the device keeps showing what it shows; the next turn starts afresh.
     pub fn submit(&mut self, turn: &impl TurnPlanes) -> Result<Ticket, StreamError> {
         let slices = self.check(turn)?;
+        self.teach(turn)?;
         self.turn = self.turn.wrapping_add(1);
         let number = self.turn;
         self.begin(number)?;
@@ -255,6 +286,43 @@ impl<L: Link> Stream<L> {
         Ok(slices as u16)
     }
 
+    /// Tells the device what the planes of `turn` are compressed by, where it does not know it. A device that cannot keep it gets runs.
+    fn teach(&mut self, turn: &impl TurnPlanes) -> Result<(), StreamError> {
+        let ranks = turn.mask_ranks();
+        let mut mask = Mask::NONE;
+        if !ranks.is_empty() && ranks != self.known.ranks {
+            let bytes: Vec<u8> = ranks.iter().flat_map(|rank| rank.to_le_bytes()).collect();
+            let is_mask = mask.set(ranks.iter().copied()).is_ok();
+            if is_mask && self.learn(Knowledge::Mask, &bytes)? {
+                self.compressor.set_mask(mask);
+            }
+            self.known.ranks = ranks.to_vec();
+        }
+        let needs_codes = (0..turn.slices()).any(|slice| turn.hint(slice) == Hint::Diffusion);
+        if needs_codes && !self.known.codes {
+            let mut statistics = ByteStatistics::default();
+            (0..turn.slices())
+                .step_by(LEARN_EVERY)
+                .for_each(|slice| statistics.add(turn.plane_bytes(slice), self.size.row_bytes()));
+            let lengths = statistics.lengths();
+            if self.learn(Knowledge::Codes, &lengths)? {
+                // Complete, as they were made to be.
+                let _ = self.compressor.set_codes(&lengths);
+            }
+            self.known.codes = true;
+        }
+        Ok(())
+    }
+
+    /// Whether the device keeps it.
+    fn learn(&mut self, kind: Knowledge, bytes: &[u8]) -> Result<bool, StreamError> {
+        let message = Message::from(Learn { kind, bytes });
+        match self.conversation.request(&message)? {
+            Answer::Nack(Reason::NotLearnt) => Ok(false),
+            answer => self.conversation.accepted(&message, answer).map(|()| true),
+        }
+    }
+
     fn begin(&mut self, turn: u32) -> Result<(), StreamError> {
         let message = Message::from(BeginTurn { turn, slices: self.rotation.slices() as u16 });
         let turn_time = Duration::from_nanos(self.rotation.planes_nanos(self.rotation.slices()));
@@ -284,7 +352,8 @@ impl<L: Link> Stream<L> {
         let mut sent = VecDeque::with_capacity(WINDOW);
         for &slice in planes {
             self.compressed.clear();
-            compress(turn.plane_bytes(slice.into()), self.size.row_bytes(), &mut self.compressed);
+            let plane = turn.plane_bytes(slice.into());
+            self.compressor.compress(plane, turn.hint(slice.into()), &mut self.compressed);
             let total = self.compressed.len() as u32;
             for (part, bytes) in self.compressed.chunks(PLANE_PART_BYTES).enumerate() {
                 self.conversation.settle(&mut sent, &mut arrived, WINDOW)?;

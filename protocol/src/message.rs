@@ -14,7 +14,7 @@ use thiserror::Error;
 mod words;
 
 use words::VOCABULARY;
-pub use words::{Command, Fault, Quantity, Reason, State};
+pub use words::{Command, Fault, Knowledge, Quantity, Reason, State};
 
 /// The version of this protocol: counts up where the meaning of a message changes and its form does not.
 pub const VERSION: u16 = 1;
@@ -248,6 +248,14 @@ wire! {
         at_us: u64,
         /// How often each of [`Fault::ALL`] was latched; stops at the largest number.
         counts: [u16; 9],
+    }
+    /// What planes are compressed by from now on: see [`codec`](crate::codec). It is known until the device is reset.
+    0x0c Learn<'a> to Device, at most 2 * 64 * 64 + 8; {
+        /// What `bytes` are.
+        kind: Knowledge,
+        /// See [`Knowledge`].
+        #[serde(serialize_with = "as_bytes")]
+        bytes: &'a [u8],
     }
 }
 

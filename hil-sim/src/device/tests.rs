@@ -1,7 +1,7 @@
 use super::*;
 use firmware::fault_log::{Cause, FaultLog};
 use proptest::prelude::*;
-use protocol::codec::{ImageSize, compress, plane_check, turn_check};
+use protocol::codec::{Compressor, Hint, ImageSize, plane_check, turn_check};
 use protocol::message::{Ack, BeginTurn, Configure, Control, EndTurn, Hello, HelloReply, Message, Nack};
 use protocol::message::{Command, Fault, PlaneData, Reason, SCHEMA, State, VERSION};
 use protocol::packet::{Decoder, FRAME_BYTES_MAX, PACKET_BYTES_MAX, encode};
@@ -61,7 +61,7 @@ fn end(turn: u32) -> EndTurn {
 
 fn send_plane(device: &mut Device, turn: u32, slice: u16) -> Result<(), Reason> {
     let (plane, mut bytes) = (plane(turn, slice), Vec::new());
-    compress(&plane, size().row_bytes(), &mut bytes);
+    Compressor::new(size()).compress(&plane, Hint::None, &mut bytes);
     let (total, check) = (bytes.len() as u32, plane_check(&plane));
     ask(device, PlaneData { turn, slice, offset: 0, total, check, bytes: &bytes })
 }

@@ -1,6 +1,6 @@
 use super::*;
 use firmware::plane_store::{PlaneStore, TurnHandle};
-use protocol::codec::{ExpandError, ImageSize, compress, plane_check, turn_check};
+use protocol::codec::{Compressor, ExpandError, Hint, ImageSize, plane_check, turn_check};
 use protocol::message::{EndTurn, PlaneData};
 
 const SLICES: u16 = 3;
@@ -21,7 +21,7 @@ fn store() -> MemoryStore {
 
 fn compressed(plane: &[u8]) -> Vec<u8> {
     let mut out = Vec::new();
-    compress(plane, size().row_bytes(), &mut out);
+    Compressor::new(size()).compress(plane, Hint::None, &mut out);
     out
 }
 

@@ -1,6 +1,7 @@
 //! Ways to make luminance into bits: time against what an eye sees, and how well the result compresses.
 
 use super::{Effort, Job, exposure, median, truth, view};
+use crate::halftoned::Halftoned;
 use crate::measure::{compare, flicker};
 use crate::picture::Picture;
 use crate::render::fast::FastRenderer;
@@ -10,9 +11,9 @@ use crate::render::truth::Caster;
 use crate::render::turn::Turn;
 use crate::render::{RenderError, Renderer};
 use crate::seen::{Brightness, View, reaching, see_turns};
-use protocol::codec::compress;
+use crate::stream::TurnPlanes;
+use protocol::codec::{ByteStatistics, Compressor, ImageSize, Mask};
 use serde::Serialize;
-use shaders::halftone::plane_stride;
 use std::time::Instant;
 
 /// A method on a scene and a rig.
@@ -152,7 +153,7 @@ impl Bench {
         }
         let fine = compare(&look(turns, &self.fine.0, 8), &self.fine.1);
         let count = likenesses.len() as f64;
-        let (wire, zstd) = self.bytes(turns[0]);
+        let (wire, zstd) = self.bytes(&Halftoned { turn: turns[0], halftone, number: 0 });
         Point {
             scene: job.name.into(),
             rig: job.rig.name.clone(),
@@ -171,11 +172,22 @@ impl Bench {
         }
     }
 
-    /// Bytes of the lit slices on the wire, and by zstd.
-    fn bytes(&self, turn: &Turn) -> (f64, f64) {
-        let planes: Vec<&[u8]> = self.lit.iter().map(|slice| turn.slice(*slice)).collect();
+    /// Bytes of the lit slices on the wire, once the device knows what they are compressed by, and by zstd.
+    fn bytes(&self, turn: &Halftoned<'_>) -> (f64, f64) {
+        let Ok(size) = ImageSize::new(turn.turn.width(), turn.turn.height()) else { return (f64::NAN, f64::NAN) };
+        let planes: Vec<&[u8]> = self.lit.iter().map(|slice| turn.plane_bytes(*slice)).collect();
+        let (mut mask, mut statistics) = (Mask::NONE, ByteStatistics::default());
+        let mut compressor = Compressor::new(size);
+        if mask.set(turn.mask_ranks().iter().copied()).is_ok() {
+            compressor.set_mask(mask);
+        }
+        planes.iter().for_each(|plane| statistics.add(plane, size.row_bytes()));
+        // Complete, as they were made to be.
+        let _ = compressor.set_codes(&statistics.lengths());
         let mut wire = Vec::new();
-        planes.iter().for_each(|plane| compress(plane, plane_stride(turn.width()), &mut wire));
+        for (slice, plane) in self.lit.iter().zip(&planes) {
+            compressor.compress(plane, turn.hint(*slice), &mut wire);
+        }
         let zstd = zstd::bulk::compress(&planes.concat(), 1).map_or(f64::NAN, |bytes| bytes.len() as f64);
         (wire.len() as f64, zstd)
     }

@@ -57,7 +57,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let lit = shade(&scene, Shading::Lambert, false);
     let plan = choose(&lit, &rig, Fixed::default(), Budget::Error(DEFAULT_BUDGET_PX))?.chosen.plan;
     let turns = render(renderer.as_ref(), &scene, &rig, &plan)?;
-    let show = show::run(&rig, &turns, args.seed)?;
+    let show = show::run(&rig, &turns, plan.halftone, args.seed)?;
     let places = Places::new(&rig);
     let seen = pictures::write(&folder, &rig, &lit, &show, &turns[turns.len() - 1], &places)?;
     let report = report(args, &rig, &scene, &plan, &show, &seen);

@@ -52,6 +52,11 @@ impl ByteCodes {
         Self { is_set: false, contexts: [none; CONTEXTS] }
     };
 
+    /// No codes any more.
+    pub fn forget(&mut self) {
+        self.is_set = false;
+    }
+
     /// Whether there are any.
     pub const fn is_set(&self) -> bool {
         self.is_set

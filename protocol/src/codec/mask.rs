@@ -66,6 +66,11 @@ impl Mask {
     /// No mask yet.
     pub const NONE: Self = Self { wrap: 0, cells: 0, classes: [Class::NONE; CLASSES_MAX] };
 
+    /// No mask any more.
+    pub fn forget(&mut self) {
+        self.cells = 0;
+    }
+
     /// Whether there is one.
     pub const fn is_set(&self) -> bool {
         self.cells != 0

@@ -87,7 +87,8 @@ impl Runs {
         Ok(())
     }
 
-    /// Begins a run. What is written later is checked here: `at + length` never leaves the plane.
+    /// Begins a run. What is written later is checked here: `at + length` never leaves the plane. Those who write ask for their part of the
+    /// plane all the same, for a compiler that does not know this: nothing here can panic.
     fn run(&mut self, kind: u8, length: usize, plane: &mut [u8]) -> Result<(), ExpandError> {
         let at = self.at;
         if length > plane.len() - at {
@@ -104,14 +105,16 @@ impl Runs {
 
     fn literal<'a>(&mut self, left: usize, input: &'a [u8], plane: &mut [u8]) -> &'a [u8] {
         let (bytes, rest) = input.split_at(left.min(input.len()));
-        plane[self.at..][..bytes.len()].copy_from_slice(bytes);
+        if let Some(place) = plane.get_mut(self.at..).and_then(|rest| rest.get_mut(..bytes.len())) {
+            place.copy_from_slice(bytes);
+        }
         self.at += bytes.len();
         self.next = if left == bytes.len() { Next::Head } else { Next::Literal { left: left - bytes.len() } };
         rest
     }
 
     fn fill(&mut self, length: usize, byte: u8, plane: &mut [u8]) {
-        plane[self.at..][..length].fill(byte);
+        plane.get_mut(self.at..).and_then(|rest| rest.get_mut(..length)).unwrap_or_default().fill(byte);
         self.at += length;
         self.next = Next::Head;
     }
@@ -123,7 +126,12 @@ impl Runs {
         let end = self.at + length;
         while self.at < end {
             let piece = row.min(end - self.at);
-            plane.copy_within(from..from + piece, self.at);
+            let Some((above, below)) = plane.split_at_mut_checked(self.at) else { break };
+            if let (Some(above), Some(below)) =
+                (above.get(from..).and_then(|row| row.get(..piece)), below.get_mut(..piece))
+            {
+                below.copy_from_slice(above);
+            }
             (from, self.at) = (from + piece, self.at + piece);
         }
         self.next = Next::Head;

@@ -1,7 +1,7 @@
 //! The words that payloads are made of.
 
 #[cfg(doc)]
-use super::{Configure, Hello};
+use super::{Configure, Hello, Learn};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -108,6 +108,15 @@ vocabulary! {
         },
     }
 
+    /// What both ends must know before some planes can be expanded.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum Knowledge {
+        /// A halftone's mask: its ranks row by row, 16 bits each, little-endian. See [`Mask`](crate::codec::Mask).
+        Mask,
+        /// The lengths of codes. See [`ByteCodes`](crate::codec::ByteCodes).
+        Codes,
+    }
+
     /// Why the device refused a packet.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, Error)]
     pub enum Reason {
@@ -138,6 +147,12 @@ vocabulary! {
         /// The plane did not expand to what its check says.
         #[error("the plane is damaged")]
         PlaneDamaged,
+        /// The plane was compressed by what the device does not know; see [`Learn`].
+        #[error("the plane was compressed by a mask or codes that the device was not told")]
+        NotKnown,
+        /// The device cannot keep what it is told, or it makes no sense.
+        #[error("the device has no room for masks and codes, or these are none")]
+        NotLearnt,
         /// The turn is ended while planes are missing.
         #[error("planes of the turn are missing")]
         SliceMissing,

@@ -43,6 +43,19 @@ impl Mask {
         })
     }
 
+    /// A square mask of one layer as the ranks of its thresholds, row by row, and by how much they are moved, modulo their number.
+    pub fn ranks(self) -> Option<(&'static [u16], u16)> {
+        static BAYER: OnceLock<Vec<u16>> = OnceLock::new();
+        match self {
+            Self::Blue { shift } => Some((blue_noise_ranks(), shift as u16)),
+            Self::Bayer => {
+                let rank = |cell: u32| (bayer_threshold(cell % 8, cell / 8) * 64.0) as u16;
+                Some((BAYER.get_or_init(|| (0..64).map(rank).collect()), 0))
+            }
+            Self::Volume { .. } | Self::White { .. } => None,
+        }
+    }
+
     /// After how many columns, and rows, it repeats; `None` for never.
     pub fn side(self) -> Option<usize> {
         match self {

@@ -12,6 +12,7 @@ use embassy_time_driver::Driver;
 use embassy_time_queue_utils::Queue;
 use firmware::frame_store::Memory;
 use firmware::lockstep::Gauge;
+use protocol::codec::Codebook;
 
 /// Processor and peripheral clock, MHz.
 const CLOCK_MHZ: u32 = 25;
@@ -202,13 +203,26 @@ impl Gauge for Machine {
     }
 }
 
-/// The machine's second memory, where planes live. There is one: whoever makes another shares it.
-#[derive(Debug, Default)]
+/// The machine's second memory, where planes live, and before them what they are compressed by. There is one: whoever makes another
+/// shares it.
+#[derive(Debug)]
 pub struct Psram;
 
 impl Psram {
-    const BASE: *mut u8 = 0x2100_0000 as *mut u8;
-    const BYTES: usize = 16 << 20;
+    const BOOK: *mut Codebook = 0x2100_0000 as *mut Codebook;
+    const BASE: *mut u8 = (0x2100_0000 + Self::BOOK_BYTES) as *mut u8;
+    const BOOK_BYTES: usize = 128 << 10;
+    const BYTES: usize = (16 << 20) - Self::BOOK_BYTES;
+}
+
+const _: () = assert!(size_of::<Codebook>() <= Psram::BOOK_BYTES);
+
+impl Default for Psram {
+    fn default() -> Self {
+        let mut psram = Self;
+        psram.parts().1.forget();
+        psram
+    }
 }
 
 impl Memory for Psram {
@@ -221,8 +235,9 @@ impl Memory for Psram {
         unsafe { core::slice::from_raw_parts(Self::BASE, Self::BYTES) }
     }
 
-    fn bytes_mut(&mut self) -> &mut [u8] {
-        // SAFETY: as above, and borrowed for as long as the store that is asked.
-        unsafe { core::slice::from_raw_parts_mut(Self::BASE, Self::BYTES) }
+    fn parts(&mut self) -> (&mut [u8], &mut Codebook) {
+        // SAFETY: as above, and borrowed for as long as the store that is asked; the two lie apart. The emulator gives out memory full of
+        // zeros, which is an empty codebook.
+        unsafe { (core::slice::from_raw_parts_mut(Self::BASE, Self::BYTES), &mut *Self::BOOK) }
     }
 }

@@ -2,9 +2,11 @@
 
 use crate::commands::Failure;
 use crate::commands::args::progress;
+use crate::halftoned::Halftoned;
 use crate::link::sim::SimLink;
+use crate::render::plan::Halftone;
 use crate::render::turn::Turn;
-use crate::stream::{Statistics, Stream, TurnPlanes};
+use crate::stream::{Statistics, Stream};
 use core::f64::consts::TAU;
 use hil_sim::eye::Flash;
 use hil_sim::motor::Motor;
@@ -35,18 +37,8 @@ pub(super) struct Show {
     pub stream: Statistics,
 }
 
-impl TurnPlanes for Turn {
-    fn slices(&self) -> u32 {
-        self.slices()
-    }
-
-    fn plane_bytes(&self, slice: u32) -> &[u8] {
-        self.slice(slice)
-    }
-}
-
-/// Spins up, locks, streams `turns`, and lets the last one stand.
-pub(super) fn run(rig: &Rig, turns: &[Turn], seed: u64) -> Result<Show, Failure> {
+/// Spins up, locks, streams `turns`, which were made by `halftone`, and lets the last one stand.
+pub(super) fn run(rig: &Rig, turns: &[Turn], halftone: Halftone, seed: u64) -> Result<Show, Failure> {
     let scenario = Scenario { events: Vec::new(), ..Scenario::default() };
     let simulator = Simulator::new(rig, Motor::reference(), scenario, seed)?;
     let size = ImageSize::new(rig.projector.width_px, rig.projector.height_px)?;
@@ -57,7 +49,7 @@ pub(super) fn run(rig: &Rig, turns: &[Turn], seed: u64) -> Result<Show, Failure>
     wait_for_lock(rig, &mut stream)?;
     let bar = progress("streaming turns", turns.len() as u64);
     for turn in turns {
-        stream.submit(turn)?;
+        stream.submit(&Halftoned { turn, halftone, number: 0 })?;
         bar.inc(1);
     }
     let until = now_s(&stream) + SHOWN_S;

@@ -1,0 +1,45 @@
+//! Turns with what is known of their halftone, as a stream compresses them best.
+
+use crate::render::plan::Halftone;
+use crate::render::turn::Turn;
+use crate::stream::TurnPlanes;
+use protocol::codec::Hint;
+use shaders::halftone::mask::Mask;
+
+/// A binary turn and how it was halftoned.
+#[derive(Clone, Copy, Debug)]
+pub struct Halftoned<'a> {
+    /// The turn.
+    pub turn: &'a Turn,
+    /// Its halftone.
+    pub halftone: Halftone,
+    /// The number that it was rendered with: halftones that alternate do so by its parity.
+    pub number: u32,
+}
+
+impl Halftoned<'_> {
+    fn mask(&self, slice: u32) -> Option<Mask> {
+        Mask::new(self.halftone.binary()?, slice, self.number)
+    }
+}
+
+impl TurnPlanes for Halftoned<'_> {
+    fn slices(&self) -> u32 {
+        self.turn.slices()
+    }
+
+    fn plane_bytes(&self, slice: u32) -> &[u8] {
+        self.turn.slice(slice)
+    }
+
+    fn hint(&self, slice: u32) -> Hint {
+        match self.mask(slice).and_then(Mask::ranks) {
+            Some((_, shift)) => Hint::Mask { shift },
+            None => Hint::Diffusion,
+        }
+    }
+
+    fn mask_ranks(&self) -> &[u16] {
+        self.mask(0).and_then(Mask::ranks).map_or(&[], |(ranks, _)| ranks)
+    }
+}
