@@ -5,7 +5,8 @@
 //! ```
 
 use crate::plane_store::{PlaneStore, TurnHandle};
-use protocol::codec::{Codebook, ExpandError, Expander, ImageSize, LearnError, turn_check};
+pub use protocol::codec::Codebook;
+use protocol::codec::{ExpandError, Expander, ImageSize, LearnError, turn_check};
 use protocol::message::{EndTurn, Learn, PlaneData, Reason};
 use thiserror::Error;
 

@@ -100,16 +100,17 @@ impl Context {
             Self { short: [0; 256], limits: [0; LENGTH_MAX], offsets: [0; LENGTH_MAX + 1], bytes: [0; 256] };
         let length_of = |byte: usize| usize::from(lengths[byte / 2] >> (byte % 2 * 4) & 15);
         let (mut code, mut place) = (0u32, 0u16);
-        for length in 1..=LENGTH_MAX {
+        let Self { short, limits, offsets, bytes } = &mut context;
+        for (length, (limit, offset)) in (1..).zip(limits.iter_mut().zip(offsets.iter_mut().skip(1))) {
             code <<= 1;
-            context.offsets[length] = place.wrapping_sub(code as u16);
+            *offset = place.wrapping_sub(code as u16);
             for byte in (0..256).filter(|byte| length_of(*byte) == length) {
-                if let Some(slot) = context.bytes.get_mut(usize::from(place)) {
+                if let Some(slot) = bytes.get_mut(usize::from(place)) {
                     *slot = byte as u8;
                 }
-                let span = 1 << (8 - length.min(8));
-                let entries = context.short.iter_mut().skip((code as usize).wrapping_mul(span)).take(span);
                 if length <= 8 {
+                    let span = 1 << (8 - length);
+                    let entries = short.iter_mut().skip((code as usize).wrapping_mul(span)).take(span);
                     entries.for_each(|entry| *entry = (length << 8 | byte) as u16);
                 }
                 (code, place) = (code + 1, place + 1);
@@ -117,7 +118,7 @@ impl Context {
             if code > 1 << length {
                 return None;
             }
-            context.limits[length - 1] = code << (16 - length);
+            *limit = code << (16 - length);
         }
         (code == 1 << LENGTH_MAX && place == 256).then_some(context)
     }

@@ -42,6 +42,20 @@ struct Class {
 
 impl Class {
     const NONE: Self = Self { ranks: [0; CELLS], pixels: [0; CELLS], first: [0; CELLS + 1] };
+
+    /// From ranks in the order of pixels. By counting: each rank stands once, and a library's sort may panic where an order contradicts itself.
+    fn sort(&mut self) {
+        let ranks = self.ranks;
+        for (pixel, rank) in (0..).zip(ranks) {
+            let place = ranks.iter().filter(|other| **other < rank).count() % CELLS;
+            (self.ranks[place], self.pixels[place]) = (rank, pixel);
+        }
+        let mut lit = 0;
+        for (first, pixel) in self.first[1..].iter_mut().zip(self.pixels) {
+            lit |= 1 << (pixel % 64);
+            *first = lit;
+        }
+    }
 }
 
 /// A square mask that repeats over the image, in memory of its own: 46 KiB.
@@ -98,21 +112,13 @@ impl Mask {
         }
         self.wrap = side / BLOCK - 1;
         for (cell, rank) in ranks.enumerate() {
-            let [x, y] = [cell % side, cell / side];
+            let [x, y] = [cell % side.max(1), cell / side.max(1)];
             let (class, pixel) = (self.class(x / BLOCK, y / BLOCK), (y % BLOCK) * BLOCK + x % BLOCK);
-            let Class { ranks, pixels, .. } = &mut self.classes[class];
-            (ranks[pixel], pixels[pixel]) = (rank, pixel as u8);
-        }
-        for class in self.classes.iter_mut().take(given / CELLS) {
-            let ranks = class.ranks;
-            class.pixels.sort_unstable_by_key(|pixel| ranks[usize::from(*pixel) % CELLS]);
-            class.ranks.sort_unstable();
-            let mut lit = 0;
-            for (first, pixel) in class.first[1..].iter_mut().zip(class.pixels) {
-                lit |= 1 << (pixel % 64);
-                *first = lit;
+            if let Some(place) = self.classes[class].ranks.get_mut(pixel) {
+                *place = rank;
             }
         }
+        self.classes.iter_mut().take(given / CELLS).for_each(Class::sort);
         self.cells = given as u16;
         Ok(())
     }

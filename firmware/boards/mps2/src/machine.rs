@@ -10,9 +10,8 @@ use cortex_m_rt::{STACK_PAINT_VALUE, exception};
 use critical_section::{CriticalSection, Mutex};
 use embassy_time_driver::Driver;
 use embassy_time_queue_utils::Queue;
-use firmware::frame_store::Memory;
+use firmware::frame_store::{Codebook, Memory};
 use firmware::lockstep::Gauge;
-use protocol::codec::Codebook;
 
 /// Processor and peripheral clock, MHz.
 const CLOCK_MHZ: u32 = 25;
