@@ -202,9 +202,9 @@ impl<L: Link> Stream<L> {
     /// After an error the device keeps showing what it shows; the next turn starts afresh.
     pub fn submit(&mut self, turn: &impl TurnPlanes) -> Result<Ticket, StreamError> {
         let slices = self.check(turn)?;
-        self.teach(turn)?;
         self.turn = self.turn.wrapping_add(1);
         let number = self.turn;
+        self.teach(turn)?;
         self.begin(number)?;
         let mut checks = Vec::with_capacity(slices.into());
         checks.extend((0..slices).map(|slice| plane_check(turn.plane_bytes(slice.into()))));
