@@ -225,14 +225,6 @@ impl<M: Memory> FrameStore<M> {
         Some(PlaneRef { size, bytes: planes.get(at..)?.get(..size.plane_bytes())? })
     }
 
-    /// The memory of a plane, and what planes are compressed by.
-    fn plane_mut(&mut self, format: Format, place: usize) -> (&mut [u8], &Codebook) {
-        let bytes = format.size.plane_bytes();
-        let at = format.planes() * MARK_BYTES + place * bytes;
-        let (memory, book) = self.memory.parts();
-        (memory.get_mut(at..).and_then(|rest| rest.get_mut(..bytes)).unwrap_or_default(), book)
-    }
-
     /// The check of a plane that is whole.
     fn check(&self, place: usize) -> Option<u64> {
         let (marks, _) = self.memory.bytes().as_chunks::<MARK_BYTES>();
@@ -260,20 +252,36 @@ impl<M: Memory> FrameStore<M> {
         slot.ok_or(StoreError::NotFilling(turn.0))
     }
 
-    fn expand(&mut self, mut plane: UnderWay, format: Format, part: &PlaneData<'_>) -> Result<(), StoreError> {
-        let (slice, place) = (part.slice, format.place(plane.turn, part.slice)?);
-        let damaged = |error| StoreError::Damaged { slice, error };
-        let (bytes, book) = self.plane_mut(format, place);
-        plane.expander.push(part.bytes, book, bytes).map_err(damaged)?;
+    /// Expands `part` into the plane that is under way; it stays where it is, as it is large for a small stack.
+    fn expand(&mut self, format: Format, part: &PlaneData<'_>) -> Result<(), StoreError> {
+        let slice = part.slice;
+        let missing = StoreError::PartMissing { slice, offset: part.offset, expected: 0 };
+        let plane = self.under_way.as_mut().ok_or(missing)?;
+        let place = format.place(plane.turn, slice)?;
+        let (bytes, book) = plane_of(&mut self.memory, format, place);
         plane.received = part.offset + part.bytes.len() as u32;
-        if plane.received < part.total {
-            self.under_way = Some(plane);
-            return Ok(());
+        let is_last = plane.received >= part.total;
+        let mut expanded = plane.expander.push(part.bytes, book, bytes);
+        if expanded.is_ok() && is_last {
+            expanded = plane.expander.finish(book, bytes, part.check);
         }
-        plane.expander.finish(book, bytes, part.check).map_err(damaged)?;
-        self.mark(place, Some(part.check));
+        if is_last || expanded.is_err() {
+            self.under_way = None;
+        }
+        expanded.map_err(|error| StoreError::Damaged { slice, error })?;
+        if is_last {
+            self.mark(place, Some(part.check));
+        }
         Ok(())
     }
+}
+
+/// The memory of a plane, and what planes are compressed by.
+fn plane_of<M: Memory>(memory: &mut M, format: Format, place: usize) -> (&mut [u8], &Codebook) {
+    let bytes = format.size.plane_bytes();
+    let at = format.planes() * MARK_BYTES + place * bytes;
+    let (memory, book) = memory.parts();
+    (memory.get_mut(at..).and_then(|rest| rest.get_mut(..bytes)).unwrap_or_default(), book)
 }
 
 impl<M: Memory> PlaneStore for FrameStore<M> {
@@ -297,7 +305,8 @@ impl<M: Memory> PlaneStore for FrameStore<M> {
     fn learn(&mut self, learn: &Learn<'_>) -> Result<(), StoreError> {
         // Half a plane by other codes is no plane.
         self.under_way = None;
-        Ok(self.memory.parts().1.learn(learn.kind, learn.bytes)?)
+        let &Learn { kind, offset, total, bytes } = learn;
+        Ok(self.memory.parts().1.learn(kind, [offset.into(), total.into()], bytes)?)
     }
 
     fn begin(&mut self) -> Result<TurnHandle, StoreError> {
@@ -324,18 +333,17 @@ impl<M: Memory> PlaneStore for FrameStore<M> {
         if offset == 0 {
             self.mark(place, None);
             self.under_way = None;
-            let expander = Expander::new(format.size);
-            return self.expand(UnderWay { turn, slice, received: 0, expander }, format, part);
+            self.under_way = Some(UnderWay { turn, slice, received: 0, expander: Expander::new(format.size) });
+            return self.expand(format, part);
         }
-        let same = self.under_way.take_if(|plane| (plane.turn, plane.slice) == (turn, slice));
-        let plane = same.ok_or(StoreError::PartMissing { slice, offset, expected: 0 })?;
-        let expected = plane.received;
-        if offset == expected {
-            return self.expand(plane, format, part);
+        let is_same = |plane: &&UnderWay| (plane.turn, plane.slice) == (turn, slice);
+        let expected = self.under_way.as_ref().filter(is_same).map(|plane| plane.received);
+        match expected {
+            Some(expected) if offset == expected => self.expand(format, part),
+            // A part that came before is a repeated packet.
+            Some(expected) if end <= u64::from(expected) => Ok(()),
+            expected => Err(StoreError::PartMissing { slice, offset, expected: expected.unwrap_or(0) }),
         }
-        self.under_way = Some(plane);
-        // A part that came before is a repeated packet.
-        if end <= u64::from(expected) { Ok(()) } else { Err(StoreError::PartMissing { slice, offset, expected }) }
     }
 
     fn finish(&mut self, turn: TurnHandle, end: &EndTurn) -> Result<(), StoreError> {

@@ -4,8 +4,8 @@ use crate::link::{Link, LinkError};
 use conversation::{Answer, Conversation};
 use protocol::codec::{ByteStatistics, Compressor, Hint, ImageSize, Mask, plane_check, turn_check};
 use protocol::message::{
-    BeginTurn, Command, Configure, Control, EndTurn, Faults, Hello, Knowledge, Learn, Message, PLANE_PART_BYTES,
-    PlaneData, Reason, SCHEMA, State, Status, VERSION,
+    BeginTurn, Command, Configure, Control, EndTurn, Faults, Hello, Knowledge, LEARN_PART_BYTES, Learn, Message,
+    PLANE_PART_BYTES, PlaneData, Reason, SCHEMA, State, Status, VERSION,
 };
 use protocol::packet::PacketError;
 use protocol::timing::Rotation;
@@ -316,11 +316,16 @@ impl<L: Link> Stream<L> {
 
     /// Whether the device keeps it.
     fn learn(&mut self, kind: Knowledge, bytes: &[u8]) -> Result<bool, StreamError> {
-        let message = Message::from(Learn { kind, bytes });
-        match self.conversation.request(&message)? {
-            Answer::Nack(Reason::NotLearnt) => Ok(false),
-            answer => self.conversation.accepted(&message, answer).map(|()| true),
+        // At most 8 KiB of both kinds.
+        let total = bytes.len() as u16;
+        for (offset, bytes) in (0..).step_by(LEARN_PART_BYTES).zip(bytes.chunks(LEARN_PART_BYTES)) {
+            let message = Message::from(Learn { kind, offset, total, bytes });
+            match self.conversation.request(&message)? {
+                Answer::Nack(Reason::NotLearnt) => return Ok(false),
+                answer => self.conversation.accepted(&message, answer)?,
+            }
         }
+        Ok(true)
     }
 
     fn begin(&mut self, turn: u32) -> Result<(), StreamError> {

@@ -31,7 +31,7 @@ pub use bytes::compress::ByteStatistics;
 pub use compress::{Compressor, Hint};
 
 pub use byte_codes::{ByteCodes, ByteCodesError, LENGTHS_BYTES};
-pub use codebook::{Codebook, LearnError};
+pub use codebook::{Codebook, KNOWLEDGE_BYTES_MAX, LearnError};
 pub use mask::{Mask, MaskError};
 
 // More lanes are faster and take more memory, which a controller may not have.

@@ -22,6 +22,9 @@ pub const VERSION: u16 = 1;
 /// The most compressed bytes of a plane in one [`PlaneData`].
 pub const PLANE_PART_BYTES: usize = 16 * 1024;
 
+/// The most bytes of one [`Learn`]: few enough to come through a link that damages one byte in a thousand.
+pub const LEARN_PART_BYTES: usize = 512;
+
 /// Which end receives a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Receiver {
@@ -250,10 +253,14 @@ wire! {
         counts: [u16; 9],
     }
     /// What planes are compressed by from now on: see [`codec`](crate::codec). It is known until the device is reset.
-    0x0c Learn<'a> to Device, at most 2 * 64 * 64 + 8; {
+    0x0c Learn<'a> to Device, at most LEARN_PART_BYTES + 12; {
         /// What `bytes` are.
         kind: Knowledge,
-        /// See [`Knowledge`].
+        /// Where `bytes` begins. Parts follow each other; offset 0 starts again.
+        offset: u16,
+        /// Bytes altogether.
+        total: u16,
+        /// See [`Knowledge`]; at most [`LEARN_PART_BYTES`].
         #[serde(serialize_with = "as_bytes")]
         bytes: &'a [u8],
     }

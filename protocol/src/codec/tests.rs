@@ -209,6 +209,36 @@ fn a_mask_holds_each_rank_once() {
 }
 
 #[test]
+fn knowledge_comes_in_parts_that_may_repeat() {
+    use crate::message::Knowledge::{Codes, Mask};
+    let (mut book, lengths) = (Codebook::EMPTY, lengths());
+    let mut learn = |kind, offset: usize, total, bytes: &[u8]| {
+        let learnt = book.learn(kind, [offset, total], bytes);
+        (learnt, book.codes.is_set(), book.mask.is_set())
+    };
+    let (half, total) = (LENGTHS_BYTES / 2, LENGTHS_BYTES);
+    let wrong = |offset, end, expected| Err(LearnError::Part { offset, end, total, expected });
+    assert_eq!(learn(Codes, half, total, &lengths[half..]), (wrong(half, total, 0), false, false));
+    for _ in 0..2 {
+        assert_eq!(learn(Codes, 0, total, &lengths[..half]), (Ok(()), false, false));
+        assert_eq!(learn(Mask, half, total, &lengths[half..]), (wrong(half, total, 0), false, false));
+        assert_eq!(
+            learn(Codes, half, total, &[lengths.clone(), vec![0]].concat()[half..]),
+            (wrong(half, total + 1, half), false, false)
+        );
+        for _ in 0..2 {
+            assert_eq!(learn(Codes, half, total, &lengths[half..]), (Ok(()), true, false));
+        }
+    }
+    let ranks: Vec<u8> = ranks(8, 3).iter().flat_map(|rank| rank.to_le_bytes()).collect();
+    assert_eq!(learn(Mask, 0, 128, &ranks), (Ok(()), true, true));
+    let too_long = LearnError::Part { offset: 0, end: 512, total: 9_000, expected: 0 };
+    assert_eq!(learn(Mask, 0, 9_000, &[0; 512]), (Err(too_long), true, false));
+    book.forget();
+    assert!(!book.codes.is_set());
+}
+
+#[test]
 fn codes_are_complete_or_refused() {
     let set = |lengths: &[u8]| ByteCodes::NONE.clone().set(lengths);
     let good = lengths();

@@ -55,7 +55,7 @@ fn longest() -> Vec<Message<'static>> {
         Nack { answers: turn, reason: Reason::TurnDamaged }.into(),
         status.into(),
         faults.into(),
-        Learn { kind: Knowledge::Codes, bytes: &BYTES[..2 * 64 * 64] }.into(),
+        Learn { kind: Knowledge::Codes, offset: slice, total: slice, bytes: &BYTES[..LEARN_PART_BYTES] }.into(),
     ]
 }
 
