@@ -101,11 +101,11 @@ impl Neighbours {
         let zones = if (l >= 0) == (u >= 0) { zones } else { 2 * zones };
         let zone_class = match zones {
             _ if alone => 0,
-            ..=2 => 1,
-            ..=7 => 2,
-            ..=13 => 3,
-            ..=21 => 4,
-            ..=40 => 5,
+            0..=2 => 1,
+            3..=7 => 2,
+            8..=13 => 3,
+            14..=21 => 4,
+            22..=40 => 5,
             _ => 6,
         };
         Guess { ones: ones.clamp(1, CELLS as i32 - 1), ones_class: if alone { 7 } else { zone_class }, zone_class }
