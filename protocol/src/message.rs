@@ -13,8 +13,7 @@ use thiserror::Error;
 
 mod words;
 
-use words::VOCABULARY;
-pub use words::{Command, Fault, Knowledge, Quantity, Reason, State};
+pub use words::{Command, Fault, Knowledge, Quantity, Reason, State, VOCABULARY};
 
 /// The version of this protocol: counts up where the meaning of a message changes and its form does not.
 pub const VERSION: u16 = 1;
@@ -41,6 +40,12 @@ pub struct Entry {
     pub id: u8,
     /// The message's name.
     pub name: &'static str,
+    /// What it is for: lines that begin with a space. Controllers do without.
+    #[cfg(feature = "std")]
+    pub about: &'static str,
+    /// The same of each field: its name, its type, what it is.
+    #[cfg(feature = "std")]
+    pub fields: &'static [[&'static str; 3]],
     /// Who receives it.
     pub receiver: Receiver,
     /// The payload: fields and their types.
@@ -79,28 +84,34 @@ pub enum MessageError {
 /// Defines the payloads, [`Message`] and [`TABLE`] from the rows of the wire.
 macro_rules! wire {
     ($(
-        $(#[$meta:meta])*
+        $(#[doc = $about:literal])+
         $id:literal $name:ident $(<$life:lifetime>)? to $receiver:ident, at most $bytes_max:expr;
-        { $( $(#[$field_meta:meta])* $field:ident: $kind:ty ),* $(,)? }
+        { $( $(#[doc = $field_about:literal])+ $field:ident: $kind:ty $(as $with:literal)? ),* $(,)? }
     )+) => {
         /// Every message, in the order of identifiers.
         pub const TABLE: &[Entry] = &[$( Entry {
             id: $id,
             name: stringify!($name),
+            #[cfg(feature = "std")]
+            about: concat!($($about),+),
+            #[cfg(feature = "std")]
+            fields: &[$( [stringify!($field), stringify!($kind), concat!($($field_about),+)] ),*],
             receiver: Receiver::$receiver,
             payload: stringify!($($field: $kind),*),
             bytes_max: $bytes_max,
         } ),+];
 
         $(
-            $(#[$meta])*
+            $(#[doc = $about])+
             #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-            pub struct $name $(<$life>)? { $( $(#[$field_meta])* pub $field: $kind ),* }
+            pub struct $name $(<$life>)? {
+                $( $(#[doc = $field_about])+ $(#[serde(serialize_with = $with)])? pub $field: $kind ),*
+            }
         )+
 
         /// Any message. Borrows from the packet that it was read from.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum Message<'a> { $( $(#[$meta])* $name($name $(<$life>)?) ),+ }
+        pub enum Message<'a> { $( $(#[doc = $about])+ $name($name $(<$life>)?) ),+ }
 
         impl<'a> Message<'a> {
             /// The row of this message.
@@ -185,8 +196,7 @@ wire! {
         /// [`plane_check`](crate::codec::plane_check) of the expanded plane.
         check: u64,
         /// At most [`PLANE_PART_BYTES`].
-        #[serde(serialize_with = "as_bytes")]
-        bytes: &'a [u8],
+        bytes: &'a [u8] as "as_bytes",
     }
     /// All planes were sent: the turn may be shown if its check is right.
     0x06 EndTurn to Device, at most 16; {
@@ -261,8 +271,7 @@ wire! {
         /// Bytes altogether.
         total: u16,
         /// See [`Knowledge`]; at most [`LEARN_PART_BYTES`].
-        #[serde(serialize_with = "as_bytes")]
-        bytes: &'a [u8],
+        bytes: &'a [u8] as "as_bytes",
     }
 }
 

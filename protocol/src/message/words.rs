@@ -17,7 +17,8 @@ macro_rules! vocabulary {
         $( $(#[$meta])* pub enum $name {
             $( $(#[$word_meta])* $word $({ $( $(#[$field_meta])* $field: $kind ),* })? ),*
         } )+
-        pub(super) const VOCABULARY: &[&str] =
+        /// The words as they are written here, a type each.
+        pub const VOCABULARY: &[&str] =
             &[$( stringify!($name { $( $word $({ $($field: $kind),* })? ),* }) ),+];
     };
 }
