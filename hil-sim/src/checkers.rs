@@ -55,6 +55,8 @@ impl Verdict {
 struct Phase {
     mean: f64,
     planes: u32,
+    /// Lit before any whole plane was seen.
+    parts: u32,
     /// By how much the picture is to be turned in the dark.
     shift: f64,
 }
@@ -156,6 +158,15 @@ impl Checkers {
                 self.phase.planes += 1;
                 self.phase.mean += (turns - turns.round()) / f64::from(self.phase.planes);
             } else if self.phase.planes == 0 {
+                // Light may begin within a plane; a turn of planes of which none moves on by a slice is a mirror that stands or drags.
+                self.phase.parts += 1;
+                if self.phase.parts > self.rotation.slices() {
+                    self.verdict.misplaced += 1;
+                    self.report(
+                        flash,
+                        &format!("slice {slice} is lit and the mirror does not turn by a slice a plane"),
+                    );
+                }
                 return;
             }
         }

@@ -131,3 +131,15 @@ fn service_lights_any_slice_for_long() {
     }
     assert!(judge(&rotation, &flashes).is_clean());
 }
+
+#[test]
+fn a_mirror_that_stands_in_an_open_loop_is_seen() {
+    let rotation = rotation(Direction::CounterClockwise);
+    let mut flashes = perfect(&rotation, 3);
+    for flash in &mut flashes {
+        (flash.angle_start, flash.angle_end, flash.state) = (0.0, 0.0, State::OpenLoop);
+    }
+    let verdict = judge(&rotation, &flashes);
+    assert_eq!(verdict.misplaced, 2 * 288);
+    assert!(verdict.first.unwrap().contains("does not turn"));
+}

@@ -220,16 +220,15 @@ impl Board {
     }
 }
 
-/// As DFU 1.1 names it (section 6.1.2).
+/// As DFU 1.1 names it (section 6.1.2), and the board's loader.
 fn status(refusal: &Refusal) -> Status {
     match refusal {
-        Refusal::Board { .. } => Status::ErrTarget,
-        Refusal::Image(_) | Refusal::Version { .. } => Status::ErrFile,
-        Refusal::Flash(_) => Status::ErrProg,
-        Refusal::Size { .. } => Status::ErrAddress,
+        Refusal::Image(_) | Refusal::Size { .. } => Status::ErrFile,
+        Refusal::Board { .. } | Refusal::Version { .. } => Status::ErrTarget,
+        Refusal::Flash(_) => Status::ErrWrite,
         Refusal::Signature => Status::ErrVerify,
         Refusal::OnTrial => Status::ErrFirmware,
-        Refusal::Order { .. } => Status::ErrNotdone,
+        Refusal::Order { .. } => Status::ErrAddress,
     }
 }
 

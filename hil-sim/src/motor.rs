@@ -220,7 +220,7 @@ impl Motor {
             natural.check("plant.cogging.torque_nm", cogging.torque_nm)?;
             Range { least: 1.0, most: 1e3 }.check("plant.cogging.per_turn", f64::from(cogging.per_turn))?;
         }
-        natural.check("plant.torque_ripple.per_turn", f64::from(plant.torque_ripple.per_turn.min(1_000_001)))
+        natural.check("plant.torque_ripple.per_turn", f64::from(plant.torque_ripple.per_turn))
     }
 
     /// What a controller for this motor is told: the figures of a data sheet, no phase, no clock error, no scale of a scenario.

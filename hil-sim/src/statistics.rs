@@ -47,7 +47,7 @@ pub struct Recovery {
     pub cause: String,
     /// When, seconds.
     pub at_s: f64,
-    /// How long until the phase error stayed within 0.1 slice, seconds. `None`: it did not.
+    /// How long until the phase error stayed within 0.1 slice, seconds, and planes were lit where the projector follows. `None`: it did not.
     pub settled_s: Option<f64>,
     /// How long full torque takes from the speed then to the projector's speed, seconds.
     pub torque_limited_s: f64,
@@ -82,6 +82,8 @@ pub struct Collector {
     recoveries: Vec<Recovery>,
     last_outside_s: f64,
     stopped: bool,
+    follows: bool,
+    waits_for_light: bool,
     states: Vec<(f64, State)>,
     faults: Vec<(f64, Fault)>,
 }
@@ -101,6 +103,8 @@ impl Default for Collector {
             recoveries: Vec::new(),
             last_outside_s: 0.0,
             stopped: false,
+            follows: false,
+            waits_for_light: false,
             states: vec![(0.0, State::Idle)],
             faults: Vec::new(),
         }
@@ -108,13 +112,19 @@ impl Default for Collector {
 }
 
 impl Collector {
+    /// For a projector that follows an estimate of the mirror: its planes are always where they belong, so that in step means lit as well.
+    pub fn following() -> Self {
+        Self { follows: true, ..Self::default() }
+    }
+
     /// A plane started at `at_s`, `error_slices` off, `plane_ns` long; `light`: it may be lit.
     pub fn plane(&mut self, at_s: f64, error_slices: f64, plane_ns: f64, state: State, light: bool) {
         self.planes += 1;
         let size = error_slices.abs();
-        if size > SETTLED_SLICES {
+        if size > SETTLED_SLICES || (self.follows && !light) {
             self.last_outside_s = at_s;
         }
+        self.waits_for_light &= !light;
         if let (true, Some(recovery)) = (light, self.recoveries.last_mut()) {
             recovery.peak_slices = recovery.peak_slices.max(size);
         }
@@ -151,6 +161,7 @@ impl Collector {
             self.recoveries.push(Recovery { cause, at_s, settled_s: None, torque_limited_s, peak_slices: 0.0 });
         }
         self.last_outside_s = at_s;
+        self.waits_for_light = self.follows;
         self.stopped = false;
     }
 
@@ -199,7 +210,7 @@ impl Collector {
     fn settle(&mut self, now_s: f64) {
         if let (false, Some(recovery)) = (self.stopped, self.recoveries.last_mut()) {
             // A mirror that slides through the right place is not in step: it must have been there for a while.
-            let stays = now_s - self.last_outside_s > 0.02;
+            let stays = now_s - self.last_outside_s > 0.02 && !self.waits_for_light;
             recovery.settled_s = stays.then_some(self.last_outside_s - recovery.at_s);
         }
     }
@@ -240,6 +251,23 @@ mod tests {
         assert!((summary.p99_slices - 0.0105).abs() < 1e-9);
         assert!((summary.locked_seconds - 0.4).abs() < 1e-9);
         assert_eq!(summary.states.len(), 3);
+    }
+
+    #[test]
+    fn a_projector_that_follows_is_in_step_when_it_is_lit() {
+        let mut collector = Collector::following();
+        let play = |from_ms: u32, to_ms: u32, light: bool, collector: &mut Collector| {
+            for ms in from_ms..to_ms {
+                collector.plane(f64::from(ms) * 1e-3, 0.01, 1e6, State::Locked, light);
+            }
+        };
+        collector.disturbed("start".to_owned(), 0.0, 1.0);
+        play(0, 500, false, &mut collector);
+        play(500, 1_000, true, &mut collector);
+        collector.disturbed("stop".to_owned(), 1.0, 1.0);
+        let recoveries = collector.summary(2.0, Verdict::default()).recoveries;
+        let settled: Vec<_> = recoveries.iter().map(|recovery| recovery.settled_s).collect();
+        assert_eq!(settled, [Some(0.499), None]);
     }
 
     #[test]

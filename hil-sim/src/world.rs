@@ -209,7 +209,10 @@ impl World {
                 },
             ),
             checkers: Checkers::new(rotation),
-            collector: Collector::default(),
+            collector: match scenario.pacing {
+                Pacing::SensorLocked => Collector::following(),
+                Pacing::FrameLocked | Pacing::FixedSpeed => Collector::default(),
+            },
             recording: Recording::default(),
             flashes: VecDeque::new(),
             samples: Vec::new(),

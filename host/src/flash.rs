@@ -52,7 +52,7 @@ pub enum FlashError {
         device: Version,
     },
     /// The device said why.
-    #[error("the device refuses the image: {0}")]
+    #[error("the device refuses the image: {}", reason(.0))]
     Refused(Status),
     /// Neither.
     #[error("the transfer failed {ATTEMPTS} times, the last time with: {0}")]
@@ -77,6 +77,18 @@ pub enum FlashError {
     /// Not even the old one.
     #[error("the device runs nothing: its boot loader waits for an image")]
     RunsNothing,
+}
+
+/// What our loaders mean by their word for a refusal.
+fn reason(status: &Status) -> String {
+    match status {
+        Status::ErrTarget => "it is for another board, or not newer than what runs".into(),
+        Status::ErrFile => "it is damaged, or larger than a slot of the device".into(),
+        Status::ErrFirmware => {
+            "what runs there is on trial, or about to be swapped: try again when it has confirmed itself".into()
+        }
+        other => other.to_string(),
+    }
 }
 
 /// Thirty-two bytes in hexadecimal from the file at `path`: a secret key's seed, or a public key.

@@ -65,7 +65,11 @@ fn is_result(folder: &Path) -> bool {
 
 /// Says why without the name under which a result is made.
 fn plain(error: &io::Error) -> io::Error {
-    error.raw_os_error().map_or_else(|| error.kind().into(), io::Error::from_raw_os_error)
+    match (error.raw_os_error(), error.kind()) {
+        (Some(number), _) => io::Error::from_raw_os_error(number),
+        (None, io::ErrorKind::NotFound) => io::Error::new(io::ErrorKind::NotFound, "no such folder"),
+        (None, kind) => kind.into(),
+    }
 }
 
 /// Half-made results, removed by [`remove_half_made`].

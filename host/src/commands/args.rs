@@ -19,6 +19,11 @@ use protocol::rig::Rig;
 use std::path::PathBuf;
 use std::time::Duration;
 
+/// Every seed is allowed that a number of 64 bits can be.
+pub(super) fn seed(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| format!("must be a whole number from 0 to {}", u64::MAX))
+}
+
 /// A scene and how it is lit.
 #[derive(clap::Args)]
 pub(super) struct SceneArgs {

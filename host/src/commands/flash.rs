@@ -2,7 +2,7 @@
 
 use super::args::progress;
 use super::{Failure, say, say_json};
-use crate::flash::{Device, FlashError, IMAGE_BYTES_MAX, Usb, flash, read_key, verify};
+use crate::flash::{Device, FlashError, IMAGE_BYTES_MAX, Usb, flash, public, read_key, verify};
 use crate::input;
 use hil_sim::dfu::{Accept, Controller, Owner, Port, UsbError};
 use protocol::image::{Board, split};
@@ -18,7 +18,7 @@ const SIMULATED_BOARD: &str = "sim";
 pub(super) struct Args {
     /// A signed image, as praxi image sign writes it
     image: PathBuf,
-    /// A USB device by vendor and product in hexadecimal, as lsusb lists it, or sim
+    /// A USB device by vendor and product in hexadecimal, as lsusb lists it, or sim: a blank controller, another one each time
     #[arg(long, value_name = "VID:PID|sim", value_parser = target)]
     device: Target,
     /// The owner's public key: the image is checked before it is sent; the simulated controller trusts it
@@ -67,8 +67,15 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let image = input::read(&args.image, IMAGE_BYTES_MAX).map_err(file)?;
     split(&image).map_err(|error| FlashError::Image(args.image.clone(), error))?;
     let key = args.key.as_deref().map(read_key).transpose()?;
-    if let Some(key) = &key {
-        verify(key, &image).map_err(|error| Failure(format!("{}: {error}", args.image.display())))?;
+    if let (Some(file), Some(key)) = (&args.key, &key)
+        && let Err(error) = verify(key, &image)
+    {
+        // The secret half in its place would go unnoticed otherwise: both look alike.
+        let is_secret = verify(&public(key), &image).is_ok();
+        return Err(Failure(match is_secret {
+            true => format!("{}: that is the secret key: its public half checks", file.display()),
+            false => format!("{}: {error}", args.image.display()),
+        }));
     }
     let bar = progress("sending bytes", image.len() as u64);
     let shown = bar.clone();

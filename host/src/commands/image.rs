@@ -37,7 +37,7 @@ enum What {
         #[arg(long, value_parser = |name: &str| Board::new(name))]
         board: Board,
         /// Its version; a device takes newer ones
-        #[arg(long, value_parser = |text: &str| text.parse::<Version>())]
+        #[arg(long, allow_hyphen_values = true, value_parser = |text: &str| text.parse::<Version>())]
         version: Version,
         /// The image to write; an earlier one is replaced
         #[arg(long, value_name = "FILE")]
@@ -54,6 +54,9 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
             }
             let key = read_key(key)?;
             let bytes = input::read(code, IMAGE_BYTES_MAX).map_err(|error| FlashError::File(code.clone(), error))?;
+            if bytes.is_empty() {
+                return Err(Failure(format!("{}: empty: allowed is code of one byte or more", code.display())));
+            }
             let failed = |error: ImageError| FlashError::Image(code.clone(), error);
             let image = sign(&key, *board, *version, bytes).map_err(failed)?;
             if out.exists() && !input::begins_with(out, &MAGIC).unwrap_or(false) {

@@ -121,8 +121,8 @@ fn refuse_arguments(error: &clap::Error) -> ExitCode {
         }
         _ => {
             let text = error.render().to_string();
-            let text = text.split("\n\nUsage:").next().unwrap_or(&text);
-            fail(text.split("\n\nFor more").next().unwrap_or(text).trim_start_matches("error: "))
+            let text = text.split("\n\nUsage:").next().unwrap_or(&text).replace("\n\n  tip: ", "; ");
+            fail(text.split("\n\nFor more").next().unwrap_or(&text).trim_start_matches("error: "))
         }
     }
 }

@@ -1,6 +1,6 @@
 //! `praxi sim`: motor, lock and sequencing alone.
 
-use super::args::progress;
+use super::args::{progress, seed};
 use super::{Failure, say, say_json};
 use crate::input;
 use crate::rigs;
@@ -42,7 +42,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "S", value_parser = seconds, allow_negative_numbers = true, default_value = "60")]
     seconds: f64,
     /// All noise follows from it
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_parser = seed, allow_negative_numbers = true, default_value_t = 1)]
     seed: u64,
     /// Print JSON
     #[arg(long)]
@@ -135,6 +135,11 @@ fn keep_step(world: &mut World, seconds: f64) {
     bar.finish_and_clear();
 }
 
+/// Whether there were planes in step, whose place was known. The percentile is of bins and never 0 where it counts any.
+fn is_judged(statistics: &LockStatistics) -> bool {
+    statistics.locked_seconds > 0.0 && statistics.p99_slices > 0.0
+}
+
 /// The statistics with the time to lock, which is the first recovery's, and the planes on top.
 pub(super) fn as_json(statistics: &LockStatistics) -> Value {
     let start = statistics.recoveries.first();
@@ -147,7 +152,7 @@ pub(super) fn as_json(statistics: &LockStatistics) -> Value {
         "planes_dark": statistics.dark,
     });
     if let (Some(value), Value::Object(more)) = (value.as_object_mut(), more) {
-        if statistics.locked_seconds == 0.0 {
+        if !is_judged(statistics) {
             // Without a plane in step there is no figure, and 0 would be a lie.
             for name in ["rms", "p99", "peak"].iter().flat_map(|name| [format!("{name}_slices"), format!("{name}_us")])
             {
@@ -184,12 +189,12 @@ fn faults_as_text(faults: &Faults) -> Vec<String> {
 
 fn as_text(statistics: &LockStatistics, faults: &Faults) -> String {
     let LockStatistics { rms_slices, p99_slices, peak_slices, rms_us, p99_us, peak_us, verdict, .. } = statistics;
-    let locked = statistics.locked_seconds > 0.0;
+    let locked = is_judged(statistics);
     let mut lines = vec![
         format!("simulated     {:.1} s, {:.1} s of it locked", statistics.seconds, statistics.locked_seconds),
         match locked {
             true => format!("phase error   RMS {rms_slices:.4}, p99 {p99_slices:.4}, peak {peak_slices:.4} slices"),
-            false => "phase error   none: the mirror never locked".to_string(),
+            false => "phase error   none: no plane in step".to_string(),
         },
         match locked {
             true => format!("              RMS {rms_us:.2}, p99 {p99_us:.2}, peak {peak_us:.2} us"),

@@ -1,6 +1,6 @@
 //! `praxi tune`: identifies a motor from a short run and sets the loop's gains.
 
-use super::args::progress;
+use super::args::{progress, seed};
 use super::sim::{REFERENCE_MOTOR, find_motor};
 use super::{Failure, say, say_json};
 use crate::output::File;
@@ -28,7 +28,7 @@ pub(super) struct Args {
     #[arg(long, default_value = REFERENCE_MOTOR)]
     motor: String,
     /// All noise follows from it
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_parser = seed, allow_negative_numbers = true, default_value_t = 1)]
     seed: u64,
     /// Write a motor file with what was found; one that is there is kept, and is an error
     #[arg(long, value_name = "FILE")]
@@ -51,7 +51,8 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let latency = Nanos::from_seconds(rig.projector.frame_latency_us * 1e-6);
     let proof = prove(&rotation, latency, &truth, &tuned, args.seed).map_err(|error| refused(&error))?;
     bar.finish_and_clear();
-    if let Some(place) = &args.out {
+    let holds = proof.locked_seconds > 0.0;
+    if let (true, Some(place)) = (holds, &args.out) {
         if place.exists() {
             return Err(Failure(format!("{} is there: name a new file", place.display())));
         }
@@ -62,6 +63,10 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
         say_json(&json!({ "tuned": tuned, "proof": super::sim::as_json(&proof) }));
     } else {
         say(as_text(&tuned, &proof));
+    }
+    if !holds {
+        let why = "what was found does not bring the mirror into step, and is not written: check encoder_counts_per_turn and max_torque_nm";
+        return Err(refused(&why));
     }
     Ok(())
 }

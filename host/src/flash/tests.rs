@@ -49,7 +49,7 @@ fn newer_images_run_and_older_ones_with_force() {
 fn images_of_others_are_refused() {
     let mut device = controller();
     let blank = put(&mut device, &image(&SECRET, "other", "1.0.0"), false).unwrap_err();
-    assert!(blank.contains("not targeted"), "{blank}");
+    assert!(blank.contains("for another board"), "{blank}");
     put(&mut device, &good("1.0.0"), false).unwrap();
     let board = put(&mut device, &image(&SECRET, "other", "2.0.0"), true).unwrap_err();
     assert!(board.contains("for the board other") && board.contains("bench"), "{board}");
