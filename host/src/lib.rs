@@ -20,3 +20,4 @@ pub mod seen;
 pub mod sheet;
 pub mod stream;
 pub mod volume;
+pub mod wire_chart;

@@ -13,7 +13,6 @@ use crate::render::turn::Turn;
 use crate::rigs;
 use crate::scene::{BUILTIN, Scene, Shading, shade};
 use crate::volume::display_radius_m;
-use glam::{Quat, Vec3};
 use pictures::Places;
 use protocol::rig::Rig;
 use serde_json::{Value, json};
@@ -103,19 +102,11 @@ fn render(renderer: &dyn Renderer, scene: &Scene, rig: &Rig, plan: &Plan) -> Res
     let bar = progress("rendering slices", u64::from(rig.rotation.slices) * SWING_DEG.len() as u64);
     let mut turns = Vec::new();
     for degrees in SWING_DEG {
-        let lit = shade(&turned(scene, degrees), Shading::Lambert, false);
+        let lit = shade(&scene.turned(degrees), Shading::Lambert, false);
         turns.push(renderer.render_turn(&lit, rig, plan, &|| bar.inc(1))?);
     }
     bar.finish_and_clear();
     Ok(turns)
-}
-
-/// The scene, turned about the vertical axis.
-fn turned(scene: &Scene, degrees: f32) -> Scene {
-    let turn = Quat::from_axis_angle(Vec3::Y, degrees.to_radians());
-    let mut turned = scene.clone();
-    turned.positions.iter_mut().chain(&mut turned.normals).for_each(|vector| *vector = turn * *vector);
-    turned
 }
 
 fn report(args: &Args, rig: &Rig, scene: &Scene, plan: &Plan, show: &Show, seen: &[pictures::Seen]) -> Value {

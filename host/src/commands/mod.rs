@@ -17,6 +17,7 @@ mod see;
 mod sim;
 mod truth;
 mod tune;
+mod wire_chart;
 
 use crate::output;
 use clap::error::ErrorKind;
@@ -42,6 +43,7 @@ enum Command {
     Plan(plan::Args),
     Chart(chart::Args),
     LockChart(lock_chart::Args),
+    WireChart(wire_chart::Args),
     Bench(bench::Args),
     Truth(truth::Args),
     Compare(compare::Args),
@@ -81,6 +83,7 @@ pub fn main() -> ExitCode {
         Command::See(args) => see::run(&args),
         Command::Chart(args) => chart::run(&args),
         Command::LockChart(args) => lock_chart::run(&args),
+        Command::WireChart(args) => wire_chart::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Truth(args) => truth::run(&args),

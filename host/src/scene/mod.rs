@@ -35,7 +35,7 @@ mod tests_mutation;
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Quat, Vec2, Vec3};
 
 pub use error::{Fault, SceneError};
 pub use raster::Wrap;
@@ -173,6 +173,14 @@ impl Scene {
         for position in &mut self.positions {
             *position = ((DVec3::from(*position) - centre) * scale).as_vec3();
         }
+    }
+
+    /// The same, turned counter-clockwise by `degrees` about the vertical axis.
+    pub fn turned(&self, degrees: f32) -> Self {
+        let turn = Quat::from_axis_angle(Vec3::Y, degrees.to_radians());
+        let mut turned = self.clone();
+        turned.positions.iter_mut().chain(&mut turned.normals).for_each(|vector| *vector = turn * *vector);
+        turned
     }
 
     fn used_positions(&self) -> impl Iterator<Item = Vec3> + '_ {
