@@ -112,19 +112,21 @@ fn cases(points: &[Point]) -> impl Iterator<Item = &[Point]> {
 /// Fits a terminal of 80 columns.
 fn summary(chart: &WireChart) -> String {
     let mut text = format!(
-        "# Planes on the wire\n\nRig {}. Bytes of planes over bytes on the wire; 20 turns a second over USB\n\
-         high speed need {NEEDED}.\n\n\
-         | scene, halftone, degrees a turn       | wire | runs |  lz4 | zstd |  XOR |\n\
-         |---------------------------------------|-----:|-----:|-----:|-----:|-----:|\n",
+        "# Planes on the wire\n\nRig {}. Bytes of planes over bytes on the wire; 20 turns a second over\n\
+         USB high speed need {NEEDED}.\n\n\
+         | scene       | halftone            |   ° |  wire | runs |  lz4 | zstd |  XOR |\n\
+         |-------------|---------------------|----:|------:|-----:|-----:|-----:|-----:|\n",
         chart.rig
     );
     for case in cases(&chart.points) {
         let Some(first) = case.first() else { continue };
-        let name = format!("{}, {}, {}", first.scene, first.halftone, first.degrees);
-        let ratios: String = case.iter().map(|point| format!(" {:>4.1} |", point.ratio)).collect();
-        let _ = writeln!(text, "| {name:<37.37} |{ratios}");
+        let Point { scene, halftone, degrees, .. } = first;
+        let ratios: String = case[1..].iter().map(|point| format!(" {:>4.1} |", point.ratio)).collect();
+        let halftone = halftone.to_string();
+        let _ = writeln!(text, "| {scene:<11.11} | {halftone:<19} | {degrees:>3} | {:>5.1} |{ratios}", first.ratio);
     }
-    text += "\nSpeed, MB of planes a second of one core's time, over all of these:\n\n\
+    text += "\n°: degrees from turn to turn. Wire: the wire's own coding; runs: its runs of\n\
+             bytes; zstd at level 1; XOR: zstd of the difference to the turn before.\n\nSpeed, MB of planes a second of one core's time, over all of these:\n\n\
              |          | wire | runs |  lz4 | zstd |  XOR |\n\
              |----------|-----:|-----:|-----:|-----:|-----:|\n";
     let speed = |of: fn(&Point) -> f64| -> String {

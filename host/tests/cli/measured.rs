@@ -1,4 +1,4 @@
-//! `praxi chart` and `praxi bench`.
+//! `praxi chart`, `praxi bench` and `praxi wire-chart`.
 
 use crate::desk::Desk;
 use std::fs;
@@ -53,4 +53,29 @@ fn renderers_are_timed_and_bad_wishes_refused() {
     desk.refuses(&format!("{bench} --renderer gpu-compute --adapter nosuch"), &["gpu-compute", "nosuch"]);
     desk.refuses(&format!("{bench} --renderer clear --adapter nosuch"), &["--adapter nosuch", "--renderer"]);
     desk.refuses(&format!("{bench} --halftone joint"), &["joint", "blue-noise"]);
+}
+
+#[test]
+fn planes_of_a_mask_are_small_enough_for_usb() {
+    let desk = Desk::new();
+    let arguments = "--halftone blue-noise --halftone floyd-steinberg --degrees 7 --out wire";
+    let chart = desk.json(&format!("wire-chart builtin --rig reference {arguments}"));
+    let points = chart["points"].as_array().unwrap();
+    assert_eq!(points.len(), 2 * 5, "{chart}");
+    let ratio = |halftone: &str, coding: &str| {
+        let is_it = |point: &&serde_json::Value| point["halftone"] == halftone && point["coding"] == coding;
+        points.iter().find(is_it).unwrap()["ratio"].as_f64().unwrap()
+    };
+    // 20 turns a second of 21.2 MB over 40 MB/s.
+    assert!(ratio("blue-noise", "wire") > 10.6, "{chart}");
+    for halftone in ["blue-noise", "floyd-steinberg"] {
+        for other in ["runs", "lz4", "zstd", "xor-zstd"] {
+            assert!(ratio(halftone, "wire") > 1.2 * ratio(halftone, other), "{halftone}, {other}: {chart}");
+        }
+    }
+    assert!(fs::read_to_string(desk.path("wire/summary.md")).unwrap().lines().all(|line| line.chars().count() <= 80));
+    assert!(image::open(desk.path("wire/wire-chart.png")).unwrap().width() > 1000);
+    desk.refuses("wire-chart builtin --halftone grey --out wire", &["--halftone grey", "blue-noise"]);
+    desk.refuses("wire-chart builtin --degrees nan --out wire", &["--degrees", "finite"]);
+    desk.refuses("wire-chart nosuch.obj --out wire", &["nosuch.obj"]);
 }

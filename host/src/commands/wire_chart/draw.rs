@@ -6,11 +6,14 @@ use crate::sheet::{self, Drawing, ink};
 use crate::wire_chart::{Coding, Point};
 use plotters::coord::Shift;
 use plotters::prelude::*;
+use plotters::style::FontTransform;
 
 const WIDTH: u32 = 1500;
-const BARS_PX: u32 = 560;
+const BARS_PX: u32 = 660;
 const SPEED_PX: u32 = 420;
 const KEY_PX: u32 = 40;
+/// Below the bars, for what they are of.
+const NAMES_PX: i32 = 230;
 /// In the order of [`Coding::ALL`].
 const COLOURS: [RGBColor; 5] = [
     RGBColor(255, 160, 60),
@@ -49,7 +52,7 @@ fn bars<B: DrawingBackend>(area: &DrawingArea<B, Shift>, chart: &WireChart) -> D
 where
     B::ErrorType: 'static,
 {
-    let (plot, names) = area.split_vertically(BARS_PX - 110);
+    let (plot, names) = area.split_vertically(BARS_PX - NAMES_PX as u32);
     let groups = cases(&chart.points).count();
     let most = chart.points.iter().map(|point| point.ratio).fold(NEEDED, f64::max);
     let heights = Axis::around([1.0, most].into_iter(), true);
@@ -57,24 +60,30 @@ where
     let mut drawing = axes(&plot, title, ("", Axis::of_bars(groups)), ("ratio", heights))?;
     for (place, case) in cases(&chart.points).enumerate() {
         for (bar, (point, colour)) in case.iter().zip(COLOURS).enumerate() {
-            let left = place as f64 - 0.42 + 0.168 * bar as f64;
+            let left = place as f64 + 0.08 + 0.168 * bar as f64;
             drawing.draw_series([Rectangle::new([(left, 1.0), (left + 0.15, point.ratio)], colour.filled())])?;
         }
     }
-    let across = [(-0.5, NEEDED), (groups as f64 - 0.5, NEEDED)];
+    let across = [(0.0, NEEDED), (groups as f64, NEEDED)];
     drawing.draw_series(LineSeries::new(across, LIMIT.stroke_width(2)))?;
-    let ends = [0, groups.saturating_sub(1)].map(|place| drawing.backend_coord(&(place as f64, 1.0)).0);
-    let step = f64::from(ends[1] - ends[0]) / (groups.max(2) - 1) as f64;
-    let left = area.get_base_pixel().0;
-    for (place, case) in cases(&chart.points).enumerate() {
-        let Some(first) = case.first() else { continue };
-        let middle = ends[0] - left + (step * place as f64) as i32;
-        let name = [first.scene.clone(), first.halftone.to_string(), format!("{}°", first.degrees)];
-        for (line, word) in (0..).zip(&name) {
-            // Every second group a little lower, so that long names pass each other.
-            let y = 2 + 15 * line + if place % 2 == 1 { 50 } else { 0 };
-            names.draw(&Text::new(word.clone(), (middle - 4 * word.chars().count() as i32, y), ink(13)))?;
-        }
+    let ends = [0.0, groups as f64].map(|place| drawing.backend_coord(&(place, 1.0)).0 - area.get_base_pixel().0);
+    let step = f64::from(ends[1] - ends[0]) / groups.max(1) as f64;
+    let middle = |place: f64| ends[0] + (step * (place + 0.5)) as i32;
+    let upright = ink(13).transform(FontTransform::Rotate90);
+    let firsts: Vec<&Point> = cases(&chart.points).filter_map(|case| case.first()).collect();
+    for (place, first) in firsts.iter().enumerate() {
+        let name = format!("{}, {}°", first.halftone, first.degrees);
+        names.draw(&Text::new(name, (middle(place as f64) + 7, 2), upright.clone()))?;
+    }
+    let mut start = 0;
+    for same in firsts.chunk_by(|one, next| one.scene == next.scene) {
+        let (centre, name) = (start as f64 + 0.5 * (same.len() - 1) as f64, same[0].scene.clone());
+        names.draw(&Text::new(
+            name.clone(),
+            (middle(centre) - 4 * name.chars().count() as i32, NAMES_PX - 24),
+            ink(14),
+        ))?;
+        start += same.len();
     }
     Ok(())
 }
