@@ -13,14 +13,19 @@ use std::collections::VecDeque;
 
 /// Something at the far end of a link, in simulated time.
 pub trait Endpoint {
-    /// Takes what the host sent.
-    fn receive(&mut self, bytes: &[u8]);
+    /// Takes as many of `bytes`, which the host sent, as it has room for, from the first on, and returns how many.
+    fn receive(&mut self, bytes: &[u8]) -> usize;
 
     /// Gives what the host is to receive; empty where there is nothing.
     fn transmit(&mut self) -> Vec<u8>;
 
     /// Lets time pass.
     fn advance(&mut self, seconds: f64);
+
+    /// Whether there is a way to it now: not where somebody pulled the plug.
+    fn is_there(&self) -> bool {
+        true
+    }
 }
 
 /// The device. The world feeds it ([`receive`](Endpoint::receive)), empties it ([`transmit`](Endpoint::transmit)), hands
@@ -99,8 +104,10 @@ impl Device {
 }
 
 impl Endpoint for Device {
-    fn receive(&mut self, mut bytes: &[u8]) {
-        while self.take_packet(&mut bytes) {}
+    fn receive(&mut self, bytes: &[u8]) -> usize {
+        let mut rest = bytes;
+        while self.take_packet(&mut rest) {}
+        bytes.len()
     }
 
     fn transmit(&mut self) -> Vec<u8> {

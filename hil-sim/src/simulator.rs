@@ -136,10 +136,12 @@ impl Simulator {
 }
 
 impl Endpoint for Simulator {
-    fn receive(&mut self, mut bytes: &[u8]) {
-        while self.device.take_packet(&mut bytes) {
+    fn receive(&mut self, bytes: &[u8]) -> usize {
+        let mut rest = bytes;
+        while self.device.take_packet(&mut rest) {
             self.deliver();
         }
+        bytes.len()
     }
 
     fn transmit(&mut self) -> Vec<u8> {

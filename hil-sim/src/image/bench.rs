@@ -36,16 +36,18 @@ pub fn streamed(image: &SharedImage, trouble: Trouble, seed: u64) -> Result<Outc
 }
 
 impl Endpoint for Bench {
-    fn receive(&mut self, mut bytes: &[u8]) {
-        while !bytes.is_empty() {
+    fn receive(&mut self, bytes: &[u8]) -> usize {
+        let mut rest = bytes;
+        while !rest.is_empty() {
             let now = self.world.controller_time();
-            let Some((taken, said, output)) = self.image.try_get(|image| image.hear(now, bytes)) else { return };
+            let Some((taken, said, output)) = self.image.try_get(|image| image.hear(now, rest)) else { break };
             self.said.extend_from_slice(&said);
-            bytes = bytes.get(taken..).unwrap_or_default();
+            rest = rest.get(taken..).unwrap_or_default();
             if let Some(output) = output {
                 self.world.obey_now(output);
             }
         }
+        bytes.len() - rest.len()
     }
 
     fn transmit(&mut self) -> Vec<u8> {

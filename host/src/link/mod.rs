@@ -7,9 +7,39 @@ use thiserror::Error;
 pub mod faulty;
 pub mod sim;
 
-/// Why a link does not carry bytes.
+/// Why a device cannot be reached, or does not carry bytes.
 #[derive(Debug, Error)]
 pub enum LinkError {
+    /// There is none.
+    #[error("no device {name}: {remedy}")]
+    Absent {
+        /// What was asked for.
+        name: String,
+        /// What to do.
+        remedy: String,
+    },
+    /// There is more than one.
+    #[error("{name} is more than one device: name one of {}", found.join(", "))]
+    Several {
+        /// What was asked for.
+        name: String,
+        /// The names of those that there are.
+        found: Vec<String>,
+    },
+    /// It is not this user's to open.
+    #[error("this user may not open {name}: {remedy}")]
+    Forbidden {
+        /// What was asked for.
+        name: String,
+        /// What to do.
+        remedy: String,
+    },
+    /// Somebody else has it.
+    #[error("{name} is in use: end the other program that has it open")]
+    InUse {
+        /// What was asked for.
+        name: String,
+    },
     /// The device went away.
     #[error("the device went away")]
     Gone,
@@ -28,4 +58,36 @@ pub trait Link {
 
     /// Time since some fixed moment: the clock of the device's world, which a simulation's is not the wall's.
     fn now(&self) -> Duration;
+
+    /// The most bytes a second that it carries to the device, where that is known: how long an answer may take hangs on it.
+    fn bytes_per_second(&self) -> Option<f64> {
+        None
+    }
+}
+
+/// A device that can be reached again after its link was lost.
+pub trait Connect {
+    /// What carries the bytes.
+    type Link: Link;
+
+    /// A new link to it.
+    fn connect(&mut self) -> Result<Self::Link, LinkError>;
+}
+
+impl<L: Link + ?Sized> Link for Box<L> {
+    fn send(&mut self, bytes: &[u8]) -> Result<usize, LinkError> {
+        (**self).send(bytes)
+    }
+
+    fn receive(&mut self, into: &mut Vec<u8>, wait: Duration) -> Result<usize, LinkError> {
+        (**self).receive(into, wait)
+    }
+
+    fn now(&self) -> Duration {
+        (**self).now()
+    }
+
+    fn bytes_per_second(&self) -> Option<f64> {
+        (**self).bytes_per_second()
+    }
 }

@@ -35,17 +35,22 @@ impl<E: Endpoint> SimLink<E> {
     pub fn endpoint_mut(&mut self) -> &mut E {
         &mut self.endpoint
     }
+
+    fn check(&self) -> Result<(), LinkError> {
+        if self.endpoint.is_there() { Ok(()) } else { Err(LinkError::Gone) }
+    }
 }
 
 impl<E: Endpoint> Link for SimLink<E> {
     fn send(&mut self, bytes: &[u8]) -> Result<usize, LinkError> {
-        self.endpoint.receive(bytes);
-        Ok(bytes.len())
+        self.check()?;
+        Ok(self.endpoint.receive(bytes))
     }
 
     fn receive(&mut self, into: &mut Vec<u8>, wait: Duration) -> Result<usize, LinkError> {
         let until = self.now + wait;
         loop {
+            self.check()?;
             let bytes = self.endpoint.transmit();
             let left = until.saturating_sub(self.now);
             if !bytes.is_empty() || left.is_zero() {

@@ -112,7 +112,7 @@ impl Player {
 }
 
 impl Endpoint for Player {
-    fn receive(&mut self, bytes: &[u8]) {
+    fn receive(&mut self, bytes: &[u8]) -> usize {
         let before = self.showing.map(|turn| self.planes(turn));
         self.device.receive(bytes);
         if self.size.plane_bytes() < 1000 {
@@ -125,6 +125,7 @@ impl Endpoint for Player {
                 Input::Configured(_, size) => assert_eq!(size, self.size),
             }
         }
+        bytes.len()
     }
 
     fn transmit(&mut self) -> Vec<u8> {
@@ -210,14 +211,16 @@ struct Foreign {
 }
 
 impl Endpoint for Foreign {
-    fn receive(&mut self, mut bytes: &[u8]) {
-        while let Some(packet) = self.decoder.next(&mut bytes) {
+    fn receive(&mut self, bytes: &[u8]) -> usize {
+        let mut rest = bytes;
+        while let Some(packet) = self.decoder.next(&mut rest) {
             let answers = packet.unwrap().sequence;
             let reply = protocol::message::HelloReply { answers, version: 7, schema: 0xabc };
             let mut frame = [0; FRAME_BYTES_MAX];
             let length = encode(0, &reply.into(), &mut frame).unwrap();
             self.outgoing.extend_from_slice(&frame[..length]);
         }
+        bytes.len()
     }
 
     fn transmit(&mut self) -> Vec<u8> {
