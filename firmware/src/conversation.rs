@@ -10,8 +10,8 @@ use core::f32::consts::TAU;
 use heapless::Vec;
 use protocol::codec::ImageSize;
 use protocol::message::{
-    Ack, BeginTurn, Command, Configure, EndTurn, Fault, Faults, Hello, HelloReply, Message, Nack, PlaneData, Reason,
-    SCHEMA, State, Status, VERSION,
+    Ack, AskMissing, BeginTurn, Command, Configure, EndTurn, Fault, Faults, Hello, HelloReply, KEEP_PLANES_MAX,
+    KeepPlanes, Message, Missing, Nack, PlaneData, Reason, SCHEMA, State, Status, VERSION,
 };
 use protocol::packet::Counts;
 use protocol::timing::Rotation;
@@ -85,6 +85,30 @@ struct Turn {
     handle: TurnHandle,
 }
 
+/// Slices of a turn: a rotation has at most 4096.
+#[derive(Clone, Debug)]
+struct SliceSet([u32; 128]);
+
+impl SliceSet {
+    const EMPTY: Self = Self([0; 128]);
+
+    fn has(&self, slice: u16) -> bool {
+        self.0.get(usize::from(slice / 32)).is_some_and(|word| word >> (slice % 32) & 1 != 0)
+    }
+
+    fn set(&mut self, slice: u16, is_in: bool) {
+        if let Some(word) = self.0.get_mut(usize::from(slice / 32)) {
+            *word = *word & !(1 << (slice % 32)) | u32::from(is_in) << (slice % 32);
+        }
+    }
+}
+
+impl Default for SliceSet {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
 /// The state of the conversation.
 #[derive(Debug, Default)]
 pub struct Conversation<S> {
@@ -92,6 +116,8 @@ pub struct Conversation<S> {
     connected: bool,
     configured: Option<Configure>,
     filling: Option<Turn>,
+    /// Of the turn that is filled.
+    arrived: SliceSet,
     finished: Vec<Turn, TURNS_MAX>,
     /// The last turn that became whole: its begin and end may be repeated.
     last: Option<u32>,
@@ -110,6 +136,7 @@ impl<S: PlaneStore> Conversation<S> {
             connected: false,
             configured: None,
             filling: None,
+            arrived: SliceSet::EMPTY,
             finished: Vec::new(),
             last: None,
             last_order: None,
@@ -147,10 +174,9 @@ impl<S: PlaneStore> Conversation<S> {
         }
     }
 
-    /// The link was lost: an unfinished turn is abandoned, and a hello must come first. What is on screen stays.
+    /// The link was lost: a hello must come first. What is on screen stays, and what came of an unfinished turn, which may go on.
     pub fn disconnect(&mut self) {
         self.connected = false;
-        self.abandon();
         (self.last, self.last_order, self.told) = (None, None, None);
     }
 
@@ -163,6 +189,11 @@ impl<S: PlaneStore> Conversation<S> {
             Message::BeginTurn(begin) => self.begin(begin).map(|()| None),
             Message::Learn(learn) => self.store.learn(learn).map(|()| None).map_err(Into::into),
             Message::PlaneData(part) => self.plane(part).map(|()| None),
+            Message::KeepPlanes(keep) => self.keep(keep).map(|()| None),
+            Message::AskMissing(ask) => match self.missing(ask) {
+                Ok([from, to]) => return (Missing { answers: sequence, from, to }.into(), None),
+                Err(reason) => Err(reason),
+            },
             Message::EndTurn(end) => self.end(end),
             Message::Control(control) => Ok(self.order(sequence, control.command)),
             _ => Err(Reason::NotUnderstood),
@@ -241,19 +272,55 @@ impl<S: PlaneStore> Conversation<S> {
         self.abandon();
         let handle = self.store.begin().map_err(Into::into)?;
         self.filling = Some(Turn { number: begin.turn, handle });
+        self.arrived = SliceSet::EMPTY;
         Ok(())
     }
 
+    fn filling(&self, number: u32) -> Result<Turn, Reason> {
+        self.filling.filter(|turn| turn.number == number).ok_or(Reason::WrongTurn)
+    }
+
+    fn finished(&self, number: u32) -> Option<Turn> {
+        self.finished.iter().find(|turn| turn.number == number).copied()
+    }
+
     fn plane(&mut self, part: &PlaneData<'_>) -> Result<(), Reason> {
-        let turn = self.filling.filter(|turn| turn.number == part.turn).ok_or(Reason::WrongTurn)?;
-        self.store.write(turn.handle, part).map_err(Into::into)
+        let turn = self.filling(part.turn)?;
+        let written = self.store.write(turn.handle, part);
+        let end = u64::from(part.offset) + part.bytes.len() as u64;
+        self.arrived.set(part.slice, written.is_ok() && end == u64::from(part.total));
+        written.map_err(Into::into)
+    }
+
+    fn keep(&mut self, keep: &KeepPlanes) -> Result<(), Reason> {
+        let slices = self.configured.ok_or(Reason::NotConfigured)?.slices;
+        let &KeepPlanes { turn, of, from, to } = keep;
+        let turn = self.filling(turn)?;
+        let of = self.finished(of).ok_or(Reason::WrongTurn)?;
+        if to > slices || to.checked_sub(from).is_none_or(|planes| planes > KEEP_PLANES_MAX) {
+            return Err(Reason::SliceOutOfRange);
+        }
+        self.store.keep(turn.handle, of.handle, from, to).map_err(Into::into)?;
+        (from..to).for_each(|slice| self.arrived.set(slice, true));
+        Ok(())
+    }
+
+    fn missing(&self, ask: &AskMissing) -> Result<[u16; 2], Reason> {
+        let slices = self.configured.ok_or(Reason::NotConfigured)?.slices;
+        if self.filling(ask.turn).is_err() {
+            return self.finished(ask.turn).map(|_| [slices; 2]).ok_or(Reason::WrongTurn);
+        }
+        let from = (ask.from..slices).find(|&slice| !self.arrived.has(slice)).unwrap_or(slices);
+        let to = (from..slices).find(|&slice| self.arrived.has(slice)).unwrap_or(slices);
+        Ok([from, to])
     }
 
     fn end(&mut self, end: &EndTurn) -> Result<Option<Request>, Reason> {
-        if self.last == Some(end.turn) {
+        let filling = self.filling(end.turn);
+        if filling.is_err() && (self.last == Some(end.turn) || self.finished(end.turn).is_some()) {
             return Ok(None);
         }
-        let turn = self.filling.filter(|turn| turn.number == end.turn).ok_or(Reason::WrongTurn)?;
+        let turn = filling?;
         if self.finished.is_full() {
             return Err(Reason::Busy);
         }

@@ -51,6 +51,9 @@ pub enum StoreError {
     #[error("slot {0} is not being filled")]
     NotFilling(u8),
     /// See the message.
+    #[error("slot {0} holds no turn that is whole")]
+    NotFinished(u8),
+    /// See the message.
     #[error("slice {slice} of a turn of {slices}")]
     SliceOutOfRange {
         /// The slice.
@@ -111,7 +114,7 @@ impl From<StoreError> for Reason {
             StoreError::TooLarge { .. } => Self::Configuration,
             StoreError::InUse | StoreError::Busy => Self::Busy,
             StoreError::NotConfigured => Self::NotConfigured,
-            StoreError::NotFilling(_) => Self::WrongTurn,
+            StoreError::NotFilling(_) | StoreError::NotFinished(_) => Self::WrongTurn,
             StoreError::SliceOutOfRange { .. } => Self::SliceOutOfRange,
             StoreError::PartMissing { .. } => Self::PartMissing,
             StoreError::NotLearnt(_) => Self::NotLearnt,
@@ -284,6 +287,18 @@ fn plane_of<M: Memory>(memory: &mut M, format: Format, place: usize) -> (&mut [u
     (memory.get_mut(at..).and_then(|rest| rest.get_mut(..bytes)).unwrap_or_default(), book)
 }
 
+/// Copies the plane at `source` to `target`, another one. `None`, and nothing copied, where the memory is too small.
+fn copy_plane<M: Memory>(memory: &mut M, format: Format, source: usize, target: usize) -> Option<()> {
+    let bytes = format.size.plane_bytes();
+    let at = |place: usize| format.planes() * MARK_BYTES + place * bytes;
+    let (low, high) = memory.parts().0.split_at_mut_checked(at(source.max(target)))?;
+    let low = low.get_mut(at(source.min(target))..)?.get_mut(..bytes)?;
+    let high = high.get_mut(..bytes)?;
+    let (from, to) = if source < target { (low, high) } else { (high, low) };
+    to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
+    Some(())
+}
+
 impl<M: Memory> PlaneStore for FrameStore<M> {
     type Error = StoreError;
 
@@ -344,6 +359,23 @@ impl<M: Memory> PlaneStore for FrameStore<M> {
             Some(expected) if end <= u64::from(expected) => Ok(()),
             expected => Err(StoreError::PartMissing { slice, offset, expected: expected.unwrap_or(0) }),
         }
+    }
+
+    fn keep(&mut self, turn: TurnHandle, of: TurnHandle, from: u16, to: u16) -> Result<(), StoreError> {
+        let format = self.format.ok_or(StoreError::NotConfigured)?;
+        self.filling(turn)?;
+        if self.slots.get(usize::from(of.0)) != Some(&Use::Finished) {
+            return Err(StoreError::NotFinished(of.0));
+        }
+        for slice in from..to {
+            let [source, target] = [format.place(of, slice)?, format.place(turn, slice)?];
+            self.under_way.take_if(|plane| (plane.turn, plane.slice) == (turn, slice));
+            self.mark(target, None);
+            copy_plane(&mut self.memory, format, source, target).ok_or(StoreError::NotFinished(of.0))?;
+            let check = self.check(source);
+            self.mark(target, check);
+        }
+        Ok(())
     }
 
     fn finish(&mut self, turn: TurnHandle, end: &EndTurn) -> Result<(), StoreError> {

@@ -45,6 +45,9 @@ pub trait PlaneStore {
     /// Expands some of a plane's compressed bytes into the turn in `turn`. With the last of them the plane is checked.
     fn write(&mut self, turn: TurnHandle, part: &PlaneData<'_>) -> Result<(), Self::Error>;
 
+    /// Copies slices `from` to `to`, without the last, of the finished turn in `of` into the turn in `turn`.
+    fn keep(&mut self, turn: TurnHandle, of: TurnHandle, from: u16, to: u16) -> Result<(), Self::Error>;
+
     /// The turn may be shown. Refused where a slice is missing or the planes are not those of the turn's check.
     fn finish(&mut self, turn: TurnHandle, end: &EndTurn) -> Result<(), Self::Error>;
 

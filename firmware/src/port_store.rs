@@ -9,7 +9,8 @@
 //!  1  u8   slot                         1  u8  the slot (Begin), why (refused: REFUSALS), else 0
 //!  2  u16  slice; slices (Configure)    2  u8  status, inverted
 //!  4  u32  offset; width; turn's number 3  u8  value, inverted
-//!  8  u32  total; height
+//!          one past the last (Keep)
+//!  8  u32  total; height; the slot to copy from (Keep)
 //! 12  u64  check of the plane or turn
 //! 20  u16  bytes that follow the head
 //! 22  u16  CRC-16/IBM-3740 of the 22 bytes before
@@ -72,6 +73,8 @@ pub enum Operation {
     Finish,
     /// [`PlaneStore::release`].
     Release,
+    /// [`PlaneStore::keep`].
+    Keep,
 }
 
 /// The fields of a head; see the module. Those that an operation has no use for are 0.
@@ -208,6 +211,11 @@ impl<P: Port> PlaneStore for PortStore<P> {
         let &PlaneData { slice, offset, total, check, bytes, .. } = part;
         let length = u16::try_from(bytes.len()).map_err(|_| PortError::Refused(Reason::NotUnderstood))?;
         self.ask(Operation::Write, &Fields { slot: turn.0, slice, offset, total, check, length }, bytes).map(drop)
+    }
+
+    fn keep(&mut self, turn: TurnHandle, of: TurnHandle, from: u16, to: u16) -> Result<(), Self::Error> {
+        let fields = Fields { slot: turn.0, slice: from, offset: to.into(), total: of.0.into(), ..Fields::default() };
+        self.ask(Operation::Keep, &fields, &[]).map(drop)
     }
 
     fn finish(&mut self, turn: TurnHandle, end: &EndTurn) -> Result<(), Self::Error> {

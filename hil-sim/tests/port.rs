@@ -8,8 +8,8 @@ use protocol::codec::{Compressor, Hint, ImageSize, plane_check, turn_check};
 use protocol::message::{EndTurn, PlaneData, Reason};
 
 const SLICES: u16 = 24;
-const TABLE: [Operation; 5] =
-    [Operation::Configure, Operation::Begin, Operation::Write, Operation::Finish, Operation::Release];
+const TABLE: [Operation; 6] =
+    [Operation::Configure, Operation::Begin, Operation::Write, Operation::Finish, Operation::Release, Operation::Keep];
 
 /// What the FPGA does, in memory. It is busy for a while after each head.
 #[derive(Default)]
@@ -46,6 +46,10 @@ impl Fpga {
             }
             Some(Operation::Finish) => {
                 self.store.finish(turn, &EndTurn { turn: offset, check }).map(|()| 0).map_err(reason)
+            }
+            Some(Operation::Keep) => {
+                let (of, to) = (TurnHandle(total as u8), offset as u16);
+                self.store.keep(turn, of, slice, to).map(|()| 0).map_err(reason)
             }
             Some(Operation::Release) => {
                 self.store.release(turn);
@@ -96,6 +100,7 @@ enum Action {
     Fill(u8),
     Finish { slot: u8, right: bool },
     Release(u8),
+    Keep { slot: u8, of: u8, from: u16, to: u16 },
 }
 
 fn action() -> impl Strategy<Value = Action> {
@@ -106,6 +111,8 @@ fn action() -> impl Strategy<Value = Action> {
         3 => (0u8..2).prop_map(Action::Fill),
         3 => (0u8..3, prop::bool::weighted(0.9)).prop_map(|(slot, right)| Action::Finish { slot, right }),
         1 => (0u8..3).prop_map(Action::Release),
+        2 => (0u8..3, 0u8..3, 0..SLICES + 2, 0..SLICES + 2)
+            .prop_map(|(slot, of, from, to)| Action::Keep { slot, of, from, to }),
     ]
 }
 
@@ -145,6 +152,9 @@ fn act<S: PlaneStore>(store: &mut S, action: &Action, size: &mut ImageSize) -> R
             let check = turn_check(7, (0..SLICES).map(|slice| plane_check(&plane(slice, bytes))));
             let end = EndTurn { turn: 7, check: if right { check } else { !check } };
             store.finish(TurnHandle(slot), &end).map(|()| 0).map_err(Into::into)
+        }
+        Action::Keep { slot, of, from, to } => {
+            store.keep(TurnHandle(slot), TurnHandle(of), from, to).map(|()| 0).map_err(Into::into)
         }
         Action::Release(slot) => {
             store.release(TurnHandle(slot));

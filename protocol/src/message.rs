@@ -24,6 +24,9 @@ pub const PLANE_PART_BYTES: usize = 16 * 1024;
 /// The most bytes of one [`Learn`]: few enough to come through a link that damages one byte in a thousand.
 pub const LEARN_PART_BYTES: usize = 512;
 
+/// The most planes of one [`KeepPlanes`]: a device copies them before it hears the next packet.
+pub const KEEP_PLANES_MAX: u16 = 32;
+
 /// Which end receives a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Receiver {
@@ -142,7 +145,7 @@ macro_rules! wire {
 }
 
 wire! {
-    /// The first message of a host, and after any loss of the link. The device abandons an unfinished turn.
+    /// The first message of a host, and after any loss of the link. An unfinished turn stays until another is begun: see [`AskMissing`].
     0x01 Hello to Device, at most 16; {
         /// [`VERSION`] of the host.
         version: u16,
@@ -272,6 +275,33 @@ wire! {
         total: u16,
         /// See [`Knowledge`]; at most [`LEARN_PART_BYTES`].
         bytes: &'a [u8] as "as_bytes",
+    }
+    /// Planes that are those of an earlier turn, which the device still has: they are not sent again.
+    0x0d KeepPlanes to Device, at most 16; {
+        /// The turn that was begun.
+        turn: u32,
+        /// The turn that has them: on screen, or whole and waiting.
+        of: u32,
+        /// The first slice.
+        from: u16,
+        /// One past the last: at most [`KEEP_PLANES_MAX`] more than `from`.
+        to: u16,
+    }
+    /// Which slices of a turn did not arrive: asked after a [`Hello`], to go on where a link was lost.
+    0x0e AskMissing to Device, at most 8; {
+        /// The turn that was begun. One that is whole misses nothing.
+        turn: u32,
+        /// Slices before this one are not asked for.
+        from: u16,
+    }
+    /// The device's answer to [`AskMissing`]: the first slices in a row that are missing. The next ones are asked for from `to` on.
+    0x0f Missing to Host, at most 12; {
+        /// The sequence number of the packet that is answered.
+        answers: u32,
+        /// The first slice.
+        from: u16,
+        /// One past the last; `from`, where none is missing.
+        to: u16,
     }
 }
 

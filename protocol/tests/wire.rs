@@ -2,8 +2,9 @@
 //! `WRITE_WIRE=1 cargo test -p protocol --test wire` writes both anew; the packets only together with a new version of the protocol.
 
 use protocol::message::{
-    Ack, BeginTurn, Command, Configure, Control, EndTurn, Fault, Faults, Hello, HelloReply, Knowledge, Learn, Message,
-    Nack, PlaneData, Quantity, Reason, Receiver, State, Status, TABLE, VERSION, VOCABULARY,
+    Ack, AskMissing, BeginTurn, Command, Configure, Control, EndTurn, Fault, Faults, Hello, HelloReply, KeepPlanes,
+    Knowledge, Learn, Message, Missing, Nack, PlaneData, Quantity, Reason, Receiver, State, Status, TABLE, VERSION,
+    VOCABULARY,
 };
 use protocol::packet::{Decoder, FRAME_BYTES_MAX, PACKET_BYTES_MAX, encode};
 use std::fs;
@@ -56,8 +57,9 @@ fn page() -> String {
          ```text\n\
          COBS( sequence u32 | id u8 | payload | CRC-32 u32 )  0x00        integers little-endian, CRC-32/ISO-HDLC over all before it\n\
          ```\n\
-         Every packet to the device is answered by `HelloReply`, `Ack` or `Nack` with its sequence number; one without an answer is sent again.\n\
-         A turn is `BeginTurn`, the `PlaneData` of every slice in any order, `EndTurn`; `src/codec.rs` has the form of planes.\n\n"
+         Every packet to the device is answered by `HelloReply`, `Ack`, `Nack` or `Missing` with its sequence number; one without an answer is sent again.\n\
+         A turn is `BeginTurn`, the `PlaneData` of every slice in any order, or `KeepPlanes` for slices that are as they were, `EndTurn`;\n\
+         `src/codec.rs` has the form of planes. After a lost link a host says `Hello` and asks by `AskMissing` where the turn goes on.\n\n"
     );
     for entry in TABLE {
         let receiver = match entry.receiver {
@@ -150,6 +152,9 @@ fn examples() -> Vec<Message<'static>> {
         Status { state: State::Fault, fault: Some(Fault::Stall), turn_on_screen: None, ..status }.into(),
         faults.into(),
         Learn { kind: Knowledge::Mask, offset: 0, total: 128, bytes: &[1, 0, 0, 0] }.into(),
+        KeepPlanes { turn: 300, of: 299, from: 24, to: 48 }.into(),
+        AskMissing { turn: 300, from: 0 }.into(),
+        Missing { answers: 9, from: 255, to: 288 }.into(),
     ]
 }
 

@@ -2,8 +2,9 @@ use super::*;
 use firmware::fault_log::{Cause, FaultLog};
 use proptest::prelude::*;
 use protocol::codec::{Compressor, Hint, ImageSize, plane_check, turn_check};
-use protocol::message::{Ack, BeginTurn, Configure, Control, EndTurn, Hello, HelloReply, Message, Nack};
+use protocol::message::{Ack, AskMissing, BeginTurn, Configure, Control, EndTurn, Hello, HelloReply, KeepPlanes};
 use protocol::message::{Command, Fault, PlaneData, Reason, SCHEMA, State, VERSION};
+use protocol::message::{Message, Missing, Nack};
 use protocol::packet::{Decoder, FRAME_BYTES_MAX, PACKET_BYTES_MAX, encode};
 use protocol::timing::{Direction, Rotation};
 use protocol::units::{Nanos, Turns};
@@ -127,12 +128,86 @@ fn an_unfinished_turn_is_abandoned() {
     device.reset();
     assert_eq!(ask(&mut device, begin(4)), Err(Reason::NotConnected));
     ask(&mut device, HELLO).unwrap();
-    assert_eq!(device.counters().turns_abandoned, 2);
+    assert_eq!(device.counters().turns_abandoned, 1, "turn 3 may go on");
     assert_eq!(device.store().plane(shown, 0).unwrap().bytes(), plane(1, 0));
     let next = send_turn(&mut device, 4).unwrap();
+    assert_eq!(device.counters().turns_abandoned, 2);
     // What is not the controller's to release stays.
     device.release(TurnHandle(7));
     assert_eq!(device.store().plane(next, 0).unwrap().bytes(), plane(4, 0));
+}
+
+/// What the device says is missing of `turn`, from slice `from` on.
+fn missing(device: &mut Device, turn: u32, from: u16) -> Result<[u16; 2], Reason> {
+    device.receive(&frame(78, AskMissing { turn, from }));
+    let bytes = device.transmit();
+    let mut decoder = Decoder::<PACKET_BYTES_MAX>::new();
+    let packet = decoder.next(&mut &bytes[..]).expect("an answer").unwrap();
+    match packet.message().unwrap() {
+        Message::Missing(Missing { answers: 78, from, to }) => Ok([from, to]),
+        Message::Nack(Nack { answers: 78, reason }) => Err(reason),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_turn_goes_on_after_the_link_was_lost() {
+    let mut device = ready();
+    assert_eq!(missing(&mut device, 1, 0), Err(Reason::WrongTurn));
+    ask(&mut device, begin(1)).unwrap();
+    for slice in [0, 1, 2, 7, 8, 23] {
+        send_plane(&mut device, 1, slice).unwrap();
+    }
+    device.reset();
+    ask(&mut device, HELLO).unwrap();
+    assert_eq!(missing(&mut device, 2, 0), Err(Reason::WrongTurn));
+    assert_eq!(
+        [0, 7, 5, 9, 23, 24, 999].map(|from| missing(&mut device, 1, from)),
+        [Ok([3, 7]), Ok([9, 23]), Ok([5, 7]), Ok([9, 23]), Ok([24, 24]), Ok([24, 24]), Ok([24, 24])]
+    );
+    // A plane that comes again and is damaged is missing.
+    let bad = PlaneData { turn: 1, slice: 8, offset: 0, total: 2, check: 5, bytes: &[9, 9] };
+    assert_eq!(ask(&mut device, bad), Err(Reason::PlaneDamaged));
+    assert_eq!(missing(&mut device, 1, 7), Ok([8, 23]));
+    (3..23).for_each(|slice| send_plane(&mut device, 1, slice).unwrap());
+    assert_eq!(missing(&mut device, 1, 0), Ok([24, 24]));
+    ask(&mut device, end(1)).unwrap();
+    // The host did not hear that, asks again, and ends it again.
+    device.reset();
+    ask(&mut device, HELLO).unwrap();
+    assert_eq!(missing(&mut device, 1, 0), Ok([24, 24]));
+    ask(&mut device, end(1)).unwrap();
+    assert!(matches!(device.next_input(), Some(Input::TurnReady(_))));
+    assert_eq!(device.next_input(), None);
+}
+
+#[test]
+fn planes_of_the_turn_before_are_kept() {
+    let mut device = ready();
+    let first = send_turn(&mut device, 1).unwrap();
+    ask(&mut device, begin(2)).unwrap();
+    let keep = KeepPlanes { turn: 2, of: 1, from: 3, to: 23 };
+    assert_eq!(ask(&mut device, KeepPlanes { turn: 1, ..keep }), Err(Reason::WrongTurn));
+    assert_eq!(ask(&mut device, KeepPlanes { of: 2, ..keep }), Err(Reason::WrongTurn));
+    assert_eq!(ask(&mut device, KeepPlanes { to: 25, ..keep }), Err(Reason::SliceOutOfRange));
+    assert_eq!(ask(&mut device, KeepPlanes { to: 2, ..keep }), Err(Reason::SliceOutOfRange));
+    ask(&mut device, keep).unwrap();
+    ask(&mut device, keep).unwrap();
+    assert_eq!(missing(&mut device, 2, 0), Ok([0, 3]));
+    [0, 1, 2, 23].into_iter().for_each(|slice| send_plane(&mut device, 2, slice).unwrap());
+    assert_eq!(ask(&mut device, end(2)), Err(Reason::TurnDamaged), "the check is of other planes");
+    let of = |slice: u16| if (3..23).contains(&slice) { 1 } else { 2 };
+    let planes: Vec<_> = (0..SLICES as u16).map(|slice| plane(of(slice), slice)).collect();
+    let check = turn_check(2, planes.iter().map(|plane| plane_check(plane)));
+    ask(&mut device, EndTurn { turn: 2, check }).unwrap();
+    let second = TurnHandle(1 - first.0);
+    for (slice, plane) in (0..).zip(&planes) {
+        assert_eq!(device.store().plane(second, slice).unwrap().bytes(), plane);
+        assert_eq!(device.store().plane(first, slice).unwrap().bytes(), self::plane(1, slice));
+    }
+    device.release(first);
+    ask(&mut device, begin(3)).unwrap();
+    assert_eq!(ask(&mut device, KeepPlanes { turn: 3, of: 1, ..keep }), Err(Reason::WrongTurn), "gone");
 }
 
 #[test]
@@ -222,7 +297,7 @@ fn faults_are_told_after_a_hello_and_where_they_change() {
 proptest! {
     #[test]
     fn any_well_framed_nonsense_leaves_the_screen_alone(
-        messages in prop::collection::vec((0u8..12, prop::collection::vec(0u8..30, 0..40)), 0..60),
+        messages in prop::collection::vec((0u8..17, prop::collection::vec(0u8..30, 0..40)), 0..60),
     ) {
         let mut device = ready();
         let shown = send_turn(&mut device, 1).unwrap();

@@ -3,8 +3,8 @@
 use super::{OVER_S, TROUBLE_S, Trouble, Turn, Whole};
 use crate::device::Endpoint;
 use protocol::codec::ImageSize;
-use protocol::message::{BeginTurn, Command, Configure, Control, EndTurn, Hello, Message, PlaneData, Reason};
-use protocol::message::{SCHEMA, Status, VERSION};
+use protocol::message::{AskMissing, BeginTurn, Command, Configure, Control, EndTurn, Hello, KeepPlanes, Message};
+use protocol::message::{PlaneData, Reason, SCHEMA, Status, VERSION};
 use protocol::packet::{Decoder, FRAME_BYTES_MAX, PACKET_BYTES_MAX, encode};
 use protocol::timing::Rotation;
 use protocol::units::Nanos;
@@ -272,11 +272,13 @@ impl Sender {
         let turn = if self.random.random() { turn } else { mine };
         let noise: Vec<u8> = (0..self.random.random_range(0..300)).map(|_| self.random.random()).collect();
         let (check, total) = (self.random.random(), self.random.random_range(0..400));
-        let message: Message<'_> = match self.random.random_range(0..5) {
+        let message: Message<'_> = match self.random.random_range(0..7) {
             0 => BeginTurn { turn, slices: self.rotation.slices() as u16 }.into(),
             1 => EndTurn { turn, check }.into(),
             2 => PlaneData { turn, slice, offset: 0, total: noise.len() as u32, check, bytes: &noise }.into(),
             3 => PlaneData { turn, slice, offset: total / 2, total, check, bytes: &noise }.into(),
+            4 => KeepPlanes { turn, of: mine.wrapping_sub(1), from: slice, to: slice + 1 }.into(),
+            5 => AskMissing { turn, from: slice }.into(),
             // An order of this connection's that has been carried out.
             _ => return framed(self.sequence.wrapping_sub(100_000), &Control { command: Command::Stop }.into()),
         };

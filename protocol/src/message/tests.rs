@@ -56,6 +56,9 @@ fn longest() -> Vec<Message<'static>> {
         status.into(),
         faults.into(),
         Learn { kind: Knowledge::Codes, offset: slice, total: slice, bytes: &BYTES[..LEARN_PART_BYTES] }.into(),
+        KeepPlanes { turn, of: turn, from: slice, to: slice }.into(),
+        AskMissing { turn, from: slice }.into(),
+        Missing { answers: turn, from: slice, to: slice }.into(),
     ]
 }
 
