@@ -22,9 +22,12 @@ pub trait Endpoint {
     /// Lets time pass.
     fn advance(&mut self, seconds: f64);
 
-    /// Whether there is a way to it now: not where somebody pulled the plug.
-    fn is_there(&self) -> bool {
-        true
+    /// The way to the host is lost, and what was under way on it.
+    fn lose_link(&mut self) {}
+
+    /// Which way to the host this is, counted from 0; nothing while the plug is pulled.
+    fn plug(&self) -> Option<u32> {
+        Some(0)
     }
 }
 
@@ -63,12 +66,6 @@ impl Device {
     /// What the controller remembers of its faults. Sent with the next status after a hello, and then where it has changed.
     pub fn faults(&mut self, faults: Faults) {
         self.faults = Some(faults);
-    }
-
-    /// The link was lost: an unfinished turn is abandoned, and a hello must come first. What is on screen stays.
-    pub fn reset(&mut self) {
-        self.outgoing.clear();
-        self.wire.disconnect();
     }
 
     /// The planes.
@@ -117,6 +114,11 @@ impl Endpoint for Device {
             packets.iter().flatten().for_each(|packet| self.outgoing.extend_from_slice(packet));
         }
         std::mem::take(&mut self.outgoing)
+    }
+
+    fn lose_link(&mut self) {
+        self.outgoing.clear();
+        self.wire.disconnect();
     }
 
     /// Nothing here takes time.

@@ -7,6 +7,7 @@ pub mod dfu;
 pub mod expectation;
 pub mod eye;
 pub mod faults;
+pub mod faulty;
 pub mod flash;
 pub mod frame_store;
 pub mod image;

@@ -157,6 +157,10 @@ impl Endpoint for Simulator {
         self.world.advance(seconds);
         self.release();
     }
+
+    fn lose_link(&mut self) {
+        self.device.lose_link();
+    }
 }
 
 impl Subject for Simulator {

@@ -2,25 +2,20 @@
 
 use crate::link::{Link, LinkError};
 use conversation::{Answer, Conversation};
-use protocol::codec::{ByteStatistics, Compressor, Hint, ImageSize, Mask, plane_check, turn_check};
+use protocol::codec::{ByteStatistics, Compressor, Hint, ImageSize, Mask, plane_check};
 use protocol::message::{
-    BeginTurn, Command, Configure, Control, EndTurn, Faults, Hello, Knowledge, LEARN_PART_BYTES, Learn, Message,
-    PLANE_PART_BYTES, PlaneData, Reason, SCHEMA, State, Status, VERSION,
+    Command, Configure, Control, Faults, Hello, Knowledge, LEARN_PART_BYTES, Learn, Message, Reason, SCHEMA, State,
+    Status, VERSION,
 };
 use protocol::packet::PacketError;
 use protocol::timing::Rotation;
-use std::collections::VecDeque;
 use std::time::Duration;
 use thiserror::Error;
 
 mod conversation;
-
-/// Packets of planes that may be under way unanswered: at most half a megabyte.
-const WINDOW: usize = 32;
-/// How often the planes that did not arrive are sent again.
-const ROUNDS: usize = 20;
-/// How long to wait before a device that is busy is asked again.
-const BUSY_WAIT: Duration = Duration::from_millis(2);
+pub mod live;
+pub mod mailbox;
+mod sending;
 
 /// A turn as a stream takes it.
 pub trait TurnPlanes {
@@ -88,12 +83,20 @@ pub enum StreamError {
         state: Option<State>,
     },
     /// See the message.
-    #[error("turn {turn}: {planes} planes did not arrive in {ROUNDS} attempts")]
+    #[error("turn {turn}: {planes} planes did not arrive in {attempts} attempts")]
     PlanesLost {
         /// The turn.
         turn: u32,
         /// How many.
         planes: usize,
+        /// How often they were sent.
+        attempts: usize,
+    },
+    /// Whoever gave the turn wants it no more.
+    #[error("turn {turn} came too late and was left")]
+    Left {
+        /// The turn.
+        turn: u32,
     },
     /// See the message.
     #[error("a turn of {slices} slices for a display of {expected}")]
@@ -141,6 +144,10 @@ pub struct Statistics {
     pub retries: u64,
     /// Packets that the device refused, other than because it was busy.
     pub refused: u64,
+    /// Planes that the device kept from the turn before.
+    pub planes_kept: u64,
+    /// Planes that were on the device already when a turn went on after a lost link.
+    pub planes_resumed: u64,
 }
 
 /// A connection to a device that shows turns of one rotation and image size.
@@ -152,6 +159,10 @@ pub struct Stream<L> {
     turn: u32,
     compressor: Compressor,
     known: Known,
+    /// The last turn that the device got whole.
+    last: Option<Sent>,
+    /// The turn that the device has some of.
+    unfinished: Option<Sent>,
     /// Of one plane, kept for its memory.
     compressed: Vec<u8>,
 }
@@ -166,66 +177,77 @@ struct Known {
 /// Codes are learnt from every so many slices of the first turn that needs some.
 const LEARN_EVERY: usize = 9;
 
-/// A packet of a plane that was not answered yet.
+/// A turn that was sent: its number, and [`plane_check`] of each slice.
+#[derive(Clone, Debug)]
 struct Sent {
-    sequence: u32,
-    slice: u16,
-    last: bool,
+    number: u32,
+    checks: Vec<u64>,
 }
 
 impl<L: Link> Stream<L> {
     /// Greets the device and configures it. A device of another version or schema is refused, both named.
     pub fn new(link: L, rotation: &Rotation, size: ImageSize) -> Result<Self, StreamError> {
-        let mut conversation = Conversation::new(link);
-        conversation.greet()?;
-        let answer = conversation.request(&Hello { version: VERSION, schema: SCHEMA }.into())?;
+        // Not 0: a device that shows an earlier host's turn must not take it for one of this host's.
+        let turn = link.now().as_micros() as u32;
+        let mut stream = Self {
+            conversation: Conversation::new(link),
+            rotation: *rotation,
+            size,
+            turn,
+            compressor: Compressor::new(size),
+            known: Known::default(),
+            last: None,
+            unfinished: None,
+            compressed: Vec::new(),
+        };
+        stream.greet()?;
+        Ok(stream)
+    }
+
+    /// Goes on over another `link` to the same device, or to one that was switched off and on meanwhile. A turn that was under way goes
+    /// on where it is [submitted](Self::submit) again: only what did not arrive is sent.
+    pub fn reconnect(&mut self, link: L) -> Result<(), StreamError> {
+        self.conversation.replace(link);
+        self.known = Known::default();
+        self.compressor = Compressor::new(self.size);
+        self.greet()
+    }
+
+    fn greet(&mut self) -> Result<(), StreamError> {
+        self.conversation.greet()?;
+        let answer = self.conversation.request(&Hello { version: VERSION, schema: SCHEMA }.into())?;
         if let Answer::Hello { version, schema } = answer
             && schema != SCHEMA
         {
             return Err(StreamError::Schema { device_version: version, device_schema: schema });
         }
-        conversation.ask(&Configure::new(rotation, size).into())?;
-        Ok(Self {
-            conversation,
-            rotation: *rotation,
-            size,
-            turn: 0,
-            compressor: Compressor::new(size),
-            known: Known::default(),
-            compressed: Vec::new(),
-        })
+        self.conversation.ask(&Configure::new(&self.rotation, self.size).into())
     }
 
     /// Sends `turn` and returns when the device has it whole; it comes on screen at the next index. Waits while both slots of
-    /// the device are full, at most four turns and a second.
+    /// the device are full, at most four turns and a second. Planes that are those of the turn before are not sent.
     ///
-    /// After an error the device keeps showing what it shows; the next turn starts afresh.
+    /// After an error the device keeps showing what it shows; the next turn starts afresh, or goes on where it is the same.
     pub fn submit(&mut self, turn: &impl TurnPlanes) -> Result<Ticket, StreamError> {
-        let slices = self.check(turn)?;
-        self.turn = self.turn.wrapping_add(1);
-        let number = self.turn;
+        self.submit_unless(turn, |_| false)
+    }
+
+    /// The same, but leaves the turn where `is_late`, which is told the link's time every now and then, says so.
+    pub fn submit_unless(
+        &mut self,
+        turn: &impl TurnPlanes,
+        is_late: impl FnMut(Duration) -> bool,
+    ) -> Result<Ticket, StreamError> {
+        let checks = self.check(turn)?;
+        self.unfinished.take_if(|unfinished| unfinished.checks != checks);
+        if self.unfinished.is_none() {
+            self.turn = self.turn.wrapping_add(1);
+        }
         self.teach(turn)?;
-        self.begin(number)?;
-        let mut checks = Vec::with_capacity(slices.into());
-        checks.extend((0..slices).map(|slice| plane_check(turn.plane_bytes(slice.into()))));
-        let mut pending: Vec<u16> = (0..slices).collect();
-        for round in 0..ROUNDS {
-            if round > 0 {
-                self.conversation.statistics.retries += pending.len() as u64;
-            }
-            let arrived = self.send_planes(number, turn, &pending, &checks)?;
-            pending.retain(|slice| !arrived[usize::from(*slice)]);
-            if pending.is_empty() {
-                break;
-            }
-        }
-        if !pending.is_empty() {
-            return Err(StreamError::PlanesLost { turn: number, planes: pending.len() });
-        }
-        self.conversation.ask(&EndTurn { turn: number, check: turn_check(number, checks) }.into())?;
+        let number = self.send_turn(turn, checks, is_late)?;
         let statistics = &mut self.conversation.statistics;
         statistics.turns += 1;
-        statistics.bytes_raw += u64::from(slices) * self.size.plane_bytes() as u64;
+        statistics.bytes_raw += u64::from(turn.slices()) * self.size.plane_bytes() as u64;
         Ok(Ticket { turn: number })
     }
 
@@ -271,19 +293,22 @@ impl<L: Link> Stream<L> {
         self.conversation.link
     }
 
-    fn check(&self, turn: &impl TurnPlanes) -> Result<u16, StreamError> {
+    /// [`plane_check`] of each slice of a turn that fits the configuration.
+    fn check(&self, turn: &impl TurnPlanes) -> Result<Vec<u64>, StreamError> {
         let (slices, expected) = (turn.slices(), self.rotation.slices());
         if slices != expected {
             return Err(StreamError::Slices { slices, expected });
         }
-        for slice in 0..slices {
-            let (bytes, expected) = (turn.plane_bytes(slice).len(), self.size.plane_bytes());
-            if bytes != expected {
-                return Err(StreamError::PlaneBytes { slice, bytes, expected });
+        let check = |slice| {
+            let plane = turn.plane_bytes(slice);
+            let (bytes, expected) = (plane.len(), self.size.plane_bytes());
+            if bytes == expected {
+                Ok(plane_check(plane))
+            } else {
+                Err(StreamError::PlaneBytes { slice, bytes, expected })
             }
-        }
-        // A rotation has at most 4096.
-        Ok(slices as u16)
+        };
+        (0..slices).map(check).collect()
     }
 
     /// Tells the device what the planes of `turn` are compressed by, where it does not know it. A device that cannot keep it gets runs.
@@ -326,51 +351,6 @@ impl<L: Link> Stream<L> {
             }
         }
         Ok(true)
-    }
-
-    fn begin(&mut self, turn: u32) -> Result<(), StreamError> {
-        let message = Message::from(BeginTurn { turn, slices: self.rotation.slices() as u16 });
-        let turn_time = Duration::from_nanos(self.rotation.planes_nanos(self.rotation.slices()));
-        let start = self.conversation.link.now();
-        loop {
-            match self.conversation.request(&message)? {
-                Answer::Nack(Reason::Busy) => {}
-                answer => return self.conversation.accepted(&message, answer),
-            }
-            let waited = self.conversation.link.now() - start;
-            if waited > 4 * turn_time + Duration::from_secs(1) {
-                return Err(StreamError::Busy { waited, state: self.conversation.status.map(|status| status.state) });
-            }
-            self.conversation.listen(BUSY_WAIT)?;
-        }
-    }
-
-    /// Sends `planes` once and says which arrived, by slice.
-    fn send_planes(
-        &mut self,
-        number: u32,
-        turn: &impl TurnPlanes,
-        planes: &[u16],
-        checks: &[u64],
-    ) -> Result<Vec<bool>, StreamError> {
-        let mut arrived = vec![false; checks.len()];
-        let mut sent = VecDeque::with_capacity(WINDOW);
-        for &slice in planes {
-            self.compressed.clear();
-            let plane = turn.plane_bytes(slice.into());
-            self.compressor.compress(plane, turn.hint(slice.into()), &mut self.compressed);
-            let total = self.compressed.len() as u32;
-            for (part, bytes) in self.compressed.chunks(PLANE_PART_BYTES).enumerate() {
-                self.conversation.settle(&mut sent, &mut arrived, WINDOW)?;
-                let offset = (part * PLANE_PART_BYTES) as u32;
-                let check = checks[usize::from(slice)];
-                let message = PlaneData { turn: number, slice, offset, total, check, bytes };
-                let sequence = self.conversation.send_next(&message.into())?;
-                sent.push_back(Sent { sequence, slice, last: offset + bytes.len() as u32 == total });
-            }
-        }
-        self.conversation.settle(&mut sent, &mut arrived, 1)?;
-        Ok(arrived)
     }
 }
 

@@ -125,7 +125,7 @@ fn an_unfinished_turn_is_abandoned() {
     send_plane(&mut device, 2, 0).unwrap();
     ask(&mut device, begin(3)).unwrap();
     assert_eq!(send_plane(&mut device, 2, 1), Err(Reason::WrongTurn));
-    device.reset();
+    device.lose_link();
     assert_eq!(ask(&mut device, begin(4)), Err(Reason::NotConnected));
     ask(&mut device, HELLO).unwrap();
     assert_eq!(device.counters().turns_abandoned, 1, "turn 3 may go on");
@@ -158,7 +158,7 @@ fn a_turn_goes_on_after_the_link_was_lost() {
     for slice in [0, 1, 2, 7, 8, 23] {
         send_plane(&mut device, 1, slice).unwrap();
     }
-    device.reset();
+    device.lose_link();
     ask(&mut device, HELLO).unwrap();
     assert_eq!(missing(&mut device, 2, 0), Err(Reason::WrongTurn));
     assert_eq!(
@@ -173,7 +173,7 @@ fn a_turn_goes_on_after_the_link_was_lost() {
     assert_eq!(missing(&mut device, 1, 0), Ok([24, 24]));
     ask(&mut device, end(1)).unwrap();
     // The host did not hear that, asks again, and ends it again.
-    device.reset();
+    device.lose_link();
     ask(&mut device, HELLO).unwrap();
     assert_eq!(missing(&mut device, 1, 0), Ok([24, 24]));
     ask(&mut device, end(1)).unwrap();

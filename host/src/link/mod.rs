@@ -3,8 +3,6 @@
 use std::time::Duration;
 use thiserror::Error;
 
-#[cfg(test)]
-pub mod faulty;
 pub mod sim;
 
 /// Why a device cannot be reached, or does not carry bytes.
@@ -72,6 +70,11 @@ pub trait Connect {
 
     /// A new link to it.
     fn connect(&mut self) -> Result<Self::Link, LinkError>;
+
+    /// Lets `time` pass on the clock of the device's world, while there is no link.
+    fn wait(&mut self, time: Duration) {
+        std::thread::sleep(time);
+    }
 }
 
 impl<L: Link + ?Sized> Link for Box<L> {

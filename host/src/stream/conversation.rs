@@ -1,23 +1,46 @@
 //! Questions and answers: packets out, packets in, who waits for what.
 
-use super::{Sent, Statistics, StreamError};
+use super::{Statistics, StreamError};
 use crate::link::Link;
-use protocol::message::{Ack, Faults, HelloReply, Message, Nack, Reason, Status};
+use protocol::message::{Ack, Faults, HelloReply, Message, Missing, Nack, Reason, Status};
 use protocol::packet::{Decoder, FRAME_BYTES_MAX, PACKET_BYTES_MAX, encode};
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::time::Duration;
 
 /// How often a packet is sent before the device counts as silent.
 const ATTEMPTS: u32 = 10;
-/// How long an answer may take. Half a megabyte at 12 Mbit/s takes 0.35 s.
+/// Packets of planes that may be under way unanswered: at most half a megabyte.
+const WINDOW: usize = 32;
+/// How long an answer may take, apart from the time that a slow link needs.
 const ANSWER_WITHIN: Duration = Duration::from_millis(500);
 
 /// What the device said to a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Answer {
     Hello { version: u16, schema: u64 },
+    Missing { from: u16, to: u16 },
     Ack,
     Nack(Reason),
+}
+
+/// What became of a packet of planes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Outcome {
+    /// The slices that are whole with it.
+    pub(super) slices: Range<u16>,
+    pub(super) answer: Answer,
+}
+
+impl Answer {
+    fn is_to(self, message: &Message<'_>) -> bool {
+        match self {
+            Self::Hello { .. } => matches!(message, Message::Hello(_)),
+            Self::Missing { .. } => matches!(message, Message::AskMissing(_)),
+            Self::Ack => !matches!(message, Message::Hello(_) | Message::AskMissing(_)),
+            Self::Nack(_) => !matches!(message, Message::Hello(_)),
+        }
+    }
 }
 
 /// One end of a link in conversation with a device.
@@ -29,6 +52,8 @@ pub(super) struct Conversation<L> {
     incoming: Vec<u8>,
     /// What came and nobody asked for yet, with the sequence number that it answers.
     pub(super) answers: VecDeque<(u32, Answer)>,
+    /// Packets of planes without an answer, the oldest first, and the slices that are whole with them.
+    sent: VecDeque<(u32, Range<u16>)>,
     sequence: u32,
     pub(super) status: Option<Status>,
     pub(super) faults: Option<Faults>,
@@ -45,11 +70,20 @@ impl<L: Link> Conversation<L> {
             frame: vec![0; FRAME_BYTES_MAX],
             incoming: Vec::new(),
             answers: VecDeque::new(),
+            sent: VecDeque::new(),
             sequence,
             status: None,
             faults: None,
             statistics: Statistics::default(),
         }
+    }
+
+    /// Goes on over another link.
+    pub(super) fn replace(&mut self, link: L) {
+        self.link = link;
+        self.decoder.cut();
+        self.answers.clear();
+        self.sent.clear();
     }
 
     /// Ends whatever packet an earlier conversation left unfinished.
@@ -64,14 +98,11 @@ impl<L: Link> Conversation<L> {
         for attempt in 0..ATTEMPTS {
             self.statistics.retries += u64::from(attempt > 0);
             self.send(sequence, message)?;
-            let until = self.link.now() + ANSWER_WITHIN;
+            let until = self.link.now() + self.patience();
             loop {
                 let left = until.saturating_sub(self.link.now());
                 self.listen(left)?;
-                let greeting = matches!(message, Message::Hello(_));
-                let fits = |(answers, answer): &(u32, Answer)| {
-                    *answers == sequence && matches!(answer, Answer::Hello { .. }) == greeting
-                };
+                let fits = |(answers, answer): &(u32, Answer)| *answers == sequence && answer.is_to(message);
                 let found = self.answers.iter().copied().find(fits);
                 self.answers.clear();
                 if let Some((_, answer)) = found {
@@ -97,48 +128,60 @@ impl<L: Link> Conversation<L> {
         Err(StreamError::Refused { message: message.entry().name, reason })
     }
 
-    /// Sends `message` once, with the next sequence number, which is returned.
-    pub(super) fn send_next(&mut self, message: &Message<'_>) -> Result<u32, StreamError> {
+    /// Sends `message` once, when there is room among those that are not answered yet. With its answer `slices` are done. What was
+    /// answered meanwhile.
+    pub(super) fn send_next(&mut self, message: &Message<'_>, slices: Range<u16>) -> Result<Vec<Outcome>, StreamError> {
+        let outcomes = self.settle_below(self.window())?;
         let sequence = self.sequence;
         self.sequence = self.sequence.wrapping_add(1);
         self.send(sequence, message)?;
-        Ok(sequence)
+        self.sent.push_back((sequence, slices));
+        Ok(outcomes)
     }
 
-    /// Waits until fewer than `below` of `sent` are unanswered. The device answers in order: what comes before an answered
-    /// packet is answered or lost, and when none comes in time, all are lost.
-    pub(super) fn settle(
-        &mut self,
-        sent: &mut VecDeque<Sent>,
-        arrived: &mut [bool],
-        below: usize,
-    ) -> Result<(), StreamError> {
-        let mut until = self.link.now() + ANSWER_WITHIN;
+    /// Waits until all that was sent is answered, or lost.
+    pub(super) fn settle(&mut self) -> Result<Vec<Outcome>, StreamError> {
+        self.settle_below(1)
+    }
+
+    /// Waits until fewer than `below` packets are unanswered. The device answers in order: what was sent before an answered packet is
+    /// answered or lost, and when no answer comes in time, all are lost.
+    fn settle_below(&mut self, below: usize) -> Result<Vec<Outcome>, StreamError> {
+        let mut outcomes = Vec::new();
+        let mut until = self.link.now() + self.patience();
         self.listen(Duration::ZERO)?;
         loop {
             while let Some((sequence, answer)) = self.answers.pop_front() {
-                let Some(at) = sent.iter().position(|sent| sent.sequence == sequence) else { continue };
-                until = self.link.now() + ANSWER_WITHIN;
-                let answered = sent.drain(..=at).next_back();
-                match (answer, answered) {
-                    (Answer::Ack, Some(Sent { slice, last: true, .. })) => arrived[usize::from(slice)] = true,
-                    (Answer::Nack(reason), _) => self.refused_plane(reason)?,
-                    _ => {}
-                }
+                let Some(at) = self.sent.iter().position(|(sent, _)| *sent == sequence) else { continue };
+                until = self.link.now() + self.patience();
+                let answered = self.sent.drain(..=at).next_back();
+                outcomes.extend(answered.map(|(_, slices)| Outcome { slices, answer }));
             }
-            if sent.len() < below {
-                return Ok(());
+            if self.sent.len() < below {
+                return Ok(outcomes);
             }
             let left = until.saturating_sub(self.link.now());
             if left.is_zero() {
-                sent.clear();
-                return Ok(());
+                self.sent.clear();
+                return Ok(outcomes);
             }
             self.listen(left)?;
         }
     }
 
-    fn refused_plane(&mut self, reason: Reason) -> Result<(), StreamError> {
+    /// Packets that may be under way unanswered: half a second's on a slow link.
+    fn window(&self) -> usize {
+        let packets = self.link.bytes_per_second().map(|rate| (rate * 0.5 / FRAME_BYTES_MAX as f64) as usize);
+        packets.unwrap_or(WINDOW).clamp(2, WINDOW)
+    }
+
+    /// How long an answer may take: what is under way goes first.
+    fn patience(&self) -> Duration {
+        let under_way = (self.window() + 1) as f64 * FRAME_BYTES_MAX as f64;
+        ANSWER_WITHIN + Duration::from_secs_f64(self.link.bytes_per_second().map_or(0.0, |rate| under_way / rate))
+    }
+
+    pub(super) fn refused_plane(&mut self, reason: Reason) -> Result<(), StreamError> {
         self.statistics.refused += 1;
         match reason {
             Reason::PartMissing | Reason::PlaneDamaged => Ok(()),
@@ -161,6 +204,9 @@ impl<L: Link> Conversation<L> {
                 Some(Message::HelloReply(HelloReply { answers, version, schema })) => {
                     self.answers.push_back((answers, Answer::Hello { version, schema }))
                 }
+                Some(Message::Missing(Missing { answers, from, to })) => {
+                    self.answers.push_back((answers, Answer::Missing { from, to }))
+                }
                 Some(Message::Status(status)) => self.status = Some(status),
                 Some(Message::Faults(faults)) => self.faults = Some(faults),
                 // Damaged, or not for a host: whoever waits for it asks again.
@@ -181,13 +227,14 @@ impl<L: Link> Conversation<L> {
 
     /// Hands over all of `bytes`; reads while the link takes none, so that a device that waits to be read goes on.
     fn transfer(&mut self, mut bytes: &[u8], message: &'static str) -> Result<(), StreamError> {
-        let mut until = self.link.now() + ANSWER_WITHIN;
+        let patience = self.patience();
+        let mut until = self.link.now() + patience;
         while !bytes.is_empty() {
             let sent = self.link.send(bytes)?;
             self.statistics.bytes_on_wire += sent as u64;
             bytes = &bytes[sent..];
             if sent > 0 {
-                until = self.link.now() + ANSWER_WITHIN;
+                until = self.link.now() + patience;
             } else if self.link.now() >= until {
                 return Err(StreamError::NoAnswer { message, attempts: 1 });
             } else {

@@ -1,11 +1,13 @@
 use super::*;
-use crate::link::faulty::{FaultRates, FaultyLink};
-use crate::link::sim::{Endpoint, SimLink};
+use crate::link::Connect;
+use crate::link::sim::{Endpoint, Shared, SimLink};
 use hil_sim::device::{Device, Input, Report, TurnHandle};
+use hil_sim::faulty::{FaultRates, Faulty};
 use proptest::prelude::*;
 use protocol::packet::{Decoder, FRAME_BYTES_MAX, PACKET_BYTES_MAX, encode};
 use protocol::timing::Direction;
 use protocol::units::Turns;
+use std::collections::VecDeque;
 
 const SLICES: u32 = 24;
 /// Twelve frames at 240 Hz.
@@ -132,6 +134,10 @@ impl Endpoint for Player {
         self.device.transmit()
     }
 
+    fn lose_link(&mut self) {
+        self.device.lose_link();
+    }
+
     fn advance(&mut self, seconds: f64) {
         self.since_index += seconds;
         if self.turning && self.since_index >= TURN_SECONDS {
@@ -240,9 +246,9 @@ fn another_schema_is_refused_with_both_named() {
 
 #[test]
 fn a_silent_device_is_reported() {
-    let silent =
-        FaultyLink::new(SimLink::new(Player::new(true, small())), FaultRates { drop: 1.0, ..FaultRates::default() }, 1);
-    let refused = Stream::new(silent, &rotation(SLICES), small()).unwrap_err();
+    let rates = FaultRates { drop: 1.0, ..FaultRates::default() };
+    let silent = Faulty::new(Player::new(true, small()), rates, 1);
+    let refused = Stream::new(SimLink::new(silent), &rotation(SLICES), small()).unwrap_err();
     assert_eq!(refused.to_string(), "the device did not answer Hello, sent 10 times");
 }
 
@@ -250,14 +256,14 @@ fn a_silent_device_is_reported() {
 fn a_device_that_was_reset_refuses_until_it_is_greeted_again() {
     let mut stream = open(SimLink::new(Player::new(true, small())));
     stream.submit(&Pictures::new(1, SLICES, small())).unwrap();
-    stream.link_mut().endpoint_mut().device.reset();
+    stream.link_mut().endpoint_mut().device.lose_link();
     let refused = stream.submit(&Pictures::new(2, SLICES, small())).unwrap_err();
     assert!(matches!(refused, StreamError::Refused { reason: Reason::NotConnected, .. }), "{refused}");
 }
 
 /// Streams `turns` turns and as many orders through faults; returns how many turns failed and what was damaged.
 fn through_faults(rates: FaultRates, seed: u64, turns: u32) -> (u32, u32) {
-    let link = FaultyLink::new(SimLink::new(Player::new(true, small())), rates, seed);
+    let link = SimLink::new(Faulty::new(Player::new(true, small()), rates, seed));
     let mut stream = match Stream::new(link, &rotation(SLICES), small()) {
         Ok(stream) => stream,
         Err(StreamError::NoAnswer { .. }) => return (turns, 1),
@@ -277,7 +283,7 @@ fn through_faults(rates: FaultRates, seed: u64, turns: u32) -> (u32, u32) {
     }
     stream.poll(Duration::from_millis(300)).unwrap();
     stream.poll(Duration::from_millis(300)).unwrap();
-    let player = stream.link().inner().endpoint();
+    let player = stream.link().endpoint().endpoint();
     for (number, planes) in &player.shown {
         assert!(*planes == Pictures::new(*number, SLICES, small()).planes, "seed {seed}: turn {number} is wrong");
     }
@@ -293,7 +299,7 @@ fn through_faults(rates: FaultRates, seed: u64, turns: u32) -> (u32, u32) {
 
 #[test]
 fn light_faults_are_repaired() {
-    let rates = FaultRates { flip: 3e-4, drop: 2e-4, repeat: 2e-4, repeat_transfer: 0.05 };
+    let rates = FaultRates { flip: 3e-4, drop: 2e-4, repeat: 2e-4, repeat_transfer: 0.05, ..FaultRates::default() };
     let mut damaged = 0;
     for seed in 0..20 {
         let (failed, damage) = through_faults(rates, seed, 5);
@@ -330,12 +336,73 @@ fn a_device_is_told_once_what_planes_are_compressed_by() {
     assert_eq!(shown.last().unwrap().1, Pictures::new(11, SLICES, size).planes);
 }
 
+#[test]
+fn planes_that_stay_are_not_sent_again() {
+    let mut stream = open(SimLink::new(Player::new(true, small())));
+    let mut turn = Pictures::new(3, SLICES, small());
+    let plane_bytes = turn.plane_bytes;
+    stream.submit(&turn).unwrap();
+    let sent = |stream: &Stream<SimLink<Player>>| (stream.statistics().packets, stream.statistics().planes_kept);
+    let before = sent(&stream);
+    // Slices 5 to 7 change: two runs stay.
+    turn.planes[5 * plane_bytes..8 * plane_bytes].reverse();
+    stream.submit(&turn).unwrap();
+    assert_eq!(sent(&stream), (before.0 + 2 + 3 + 2, 21));
+    stream.submit(&turn).unwrap();
+    assert_eq!(sent(&stream).1, 21 + 24, "the whole turn");
+    stream.poll(Duration::from_millis(200)).unwrap();
+    stream.poll(Duration::from_millis(200)).unwrap();
+    let shown = &stream.link().endpoint().shown;
+    assert_eq!(shown.len(), 3);
+    assert!(shown[1..].iter().all(|(_, planes)| *planes == turn.planes) && shown[0].1 != turn.planes);
+    // The controller gave all turns back: the planes are sent again.
+    let player = stream.link_mut().endpoint_mut();
+    player.showing.take().into_iter().for_each(|turn| player.device.release(turn));
+    stream.submit(&turn).unwrap();
+    stream.poll(Duration::from_millis(200)).unwrap();
+    let shown = &stream.link().endpoint().shown;
+    assert!(shown.len() == 4 && shown[3].1 == turn.planes);
+    assert_eq!((stream.statistics().refused, stream.statistics().planes_kept), (1, 45));
+}
+
+#[test]
+fn a_turn_goes_on_where_the_link_was_lost() {
+    let mut device = Shared::new(Faulty::new(Player::new(true, small()), FaultRates::default(), 1));
+    let mut stream = Stream::new(device.connect().unwrap(), &rotation(SLICES), small()).unwrap();
+    let turn = Pictures::new(2, SLICES, small());
+    let plug = device.clone();
+    let mut looks = 0;
+    let lost = stream.submit_unless(&turn, |_| {
+        looks += 1;
+        if looks == 12 {
+            plug.with(|line| line.unplug(0.1));
+        }
+        false
+    });
+    assert!(matches!(lost, Err(StreamError::Link(LinkError::Gone))), "{lost:?}");
+    assert!(matches!(device.connect(), Err(LinkError::Gone)));
+    device.wait(Duration::from_millis(150));
+    stream.reconnect(device.connect().unwrap()).unwrap();
+    let ticket = stream.submit(&turn).unwrap();
+    assert!(stream.statistics().planes_resumed >= 8, "{:?}", stream.statistics());
+    device.with(|line| assert_eq!(line.endpoint().device.counters().turns_abandoned, 0));
+    stream.poll(Duration::from_millis(200)).unwrap();
+    device.with(|line| assert!(line.endpoint().shown == [(ticket.turn, turn.planes.clone())]));
+    // One that is left for another is abandoned.
+    let left = stream.submit_unless(&Pictures::new(4, SLICES, small()), |_| true);
+    assert!(matches!(left, Err(StreamError::Left { .. })));
+    stream.submit(&turn).unwrap();
+    device.with(|line| assert_eq!(line.endpoint().device.counters().turns_received, 2));
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
     #[test]
     fn no_fault_shows_a_wrong_turn(
-        flip in 0.0..2e-2, drop in 0.0..1e-2, repeat in 0.0..1e-2, repeat_transfer in 0.0..0.3, seed: u64,
+        flip in 0.0..2e-2, drop in 0.0..1e-2, repeat in 0.0..1e-2, repeat_transfer in 0.0..0.3, swap in 0.0..0.3,
+        seed: u64,
     ) {
-        through_faults(FaultRates { flip, drop, repeat, repeat_transfer }, seed, 4);
+        let rates = FaultRates { flip, drop, repeat, repeat_transfer, swap, ..FaultRates::default() };
+        through_faults(rates, seed, 4);
     }
 }

@@ -1,0 +1,216 @@
+//! A turn on its way: what is kept, what is sent, what did not arrive.
+
+use super::conversation::{Answer, Outcome};
+use super::{Sent, Stream, StreamError, TurnPlanes};
+use crate::link::Link;
+use protocol::codec::turn_check;
+use protocol::message::{
+    AskMissing, BeginTurn, EndTurn, KEEP_PLANES_MAX, KeepPlanes, Message, PLANE_PART_BYTES, PlaneData, Reason,
+};
+use std::ops::Range;
+use std::time::Duration;
+
+/// How often the planes that did not arrive are sent again.
+const ROUNDS: usize = 20;
+/// How long to wait before a device that is busy is asked again.
+const BUSY_WAIT: Duration = Duration::from_millis(2);
+/// A plane is cut so that a slow line carries a part in about this time: a part that is damaged is soon sent again, and news are not
+/// held up.
+const PART_S: f64 = 0.02;
+
+/// What is to come of a slice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Want {
+    /// The device copies it from the turn before.
+    Keep,
+    Send,
+    Arrived,
+}
+
+/// A turn that is sent.
+struct Job<'a, T> {
+    turn: &'a T,
+    number: u32,
+    checks: &'a [u64],
+    /// The turn that kept planes come from.
+    of: u32,
+    wants: Vec<Want>,
+}
+
+impl<T> Job<'_, T> {
+    /// Slices that did not arrive.
+    fn left(&self) -> usize {
+        self.wants.iter().filter(|want| **want != Want::Arrived).count()
+    }
+}
+
+impl<L: Link> Stream<L> {
+    /// Sends a turn whose planes have `checks`; its number.
+    pub(super) fn send_turn(
+        &mut self,
+        turn: &impl TurnPlanes,
+        checks: Vec<u64>,
+        mut is_late: impl FnMut(Duration) -> bool,
+    ) -> Result<u32, StreamError> {
+        let (number, wants) = self.open_turn(&checks, &mut is_late)?;
+        let of = self.last.as_ref().map_or(number, |last| last.number);
+        let mut job = Job { turn, number, checks: &checks, of, wants };
+        for round in 0..ROUNDS {
+            let left = job.left();
+            if left == 0 {
+                break;
+            }
+            self.conversation.statistics.retries += if round > 0 { left as u64 } else { 0 };
+            self.send_round(&mut job, &mut is_late)?;
+        }
+        if job.left() > 0 {
+            return Err(StreamError::PlanesLost { turn: number, planes: job.left(), attempts: ROUNDS });
+        }
+        let check = turn_check(number, checks.iter().copied());
+        self.conversation.ask(&EndTurn { turn: number, check }.into())?;
+        self.unfinished = None;
+        self.last = Some(Sent { number, checks });
+        Ok(number)
+    }
+
+    /// Begins a turn, or goes on with it where the device has some of it: its number, and what is to come of each slice.
+    fn open_turn(
+        &mut self,
+        checks: &[u64],
+        is_late: &mut impl FnMut(Duration) -> bool,
+    ) -> Result<(u32, Vec<Want>), StreamError> {
+        let number = self.turn;
+        if self.unfinished.is_some()
+            && let Some(wants) = self.missing(number)?
+        {
+            return Ok((number, wants));
+        }
+        let stays = |slice: usize| self.last.as_ref().is_some_and(|last| last.checks.get(slice) == checks.get(slice));
+        let wants = (0..checks.len()).map(|slice| if stays(slice) { Want::Keep } else { Want::Send }).collect();
+        self.begin(number, is_late)?;
+        self.unfinished = Some(Sent { number, checks: checks.to_vec() });
+        Ok((number, wants))
+    }
+
+    /// What a device still needs of turn `number`, with which it was begun before the link was lost; nothing where it knows no such
+    /// turn.
+    fn missing(&mut self, number: u32) -> Result<Option<Vec<Want>>, StreamError> {
+        let slices = self.rotation.slices() as u16;
+        let mut wants = vec![Want::Arrived; slices.into()];
+        let mut next = 0;
+        while next < slices {
+            let message = Message::from(AskMissing { turn: number, from: next });
+            match self.conversation.request(&message)? {
+                Answer::Missing { from, to } if next <= from && from < to && to <= slices => {
+                    wants[from.into()..to.into()].fill(Want::Send);
+                    next = to;
+                }
+                Answer::Nack(Reason::WrongTurn) => return Ok(None),
+                answer => {
+                    self.conversation.accepted(&message, answer)?;
+                    break;
+                }
+            }
+        }
+        let arrived = wants.iter().filter(|want| **want == Want::Arrived).count();
+        self.conversation.statistics.planes_resumed += arrived as u64;
+        Ok(Some(wants))
+    }
+
+    fn begin(&mut self, turn: u32, is_late: &mut impl FnMut(Duration) -> bool) -> Result<(), StreamError> {
+        let message = Message::from(BeginTurn { turn, slices: self.rotation.slices() as u16 });
+        let turn_time = Duration::from_nanos(self.rotation.planes_nanos(self.rotation.slices()));
+        let start = self.conversation.link.now();
+        loop {
+            match self.conversation.request(&message)? {
+                Answer::Nack(Reason::Busy) => {}
+                answer => return self.conversation.accepted(&message, answer),
+            }
+            let now = self.conversation.link.now();
+            let waited = now.saturating_sub(start);
+            if is_late(now) {
+                return Err(StreamError::Left { turn });
+            }
+            if waited > 4 * turn_time + Duration::from_secs(1) {
+                return Err(StreamError::Busy { waited, state: self.conversation.status.map(|status| status.state) });
+            }
+            self.conversation.listen(BUSY_WAIT)?;
+        }
+    }
+
+    /// Sends once whatever did not arrive.
+    fn send_round<T: TurnPlanes>(
+        &mut self,
+        job: &mut Job<'_, T>,
+        is_late: &mut impl FnMut(Duration) -> bool,
+    ) -> Result<(), StreamError> {
+        let mut slice = 0;
+        while slice < job.wants.len() {
+            if is_late(self.conversation.link.now()) {
+                return Err(StreamError::Left { turn: job.number });
+            }
+            slice = match job.wants[slice] {
+                Want::Arrived => slice + 1,
+                Want::Keep => self.keep(job, slice)?,
+                Want::Send => self.send_plane(job, slice)?,
+            };
+        }
+        let outcomes = self.conversation.settle()?;
+        self.note(job, &outcomes)
+    }
+
+    /// Has the device copy the planes from slice `from` on that stay as they are; the slice after them.
+    fn keep<T>(&mut self, job: &mut Job<'_, T>, from: usize) -> Result<usize, StreamError> {
+        let most = usize::from(KEEP_PLANES_MAX);
+        let planes = job.wants[from..].iter().take(most).take_while(|want| **want == Want::Keep).count();
+        let slices = from as u16..(from + planes) as u16;
+        let message = KeepPlanes { turn: job.number, of: job.of, from: slices.start, to: slices.end };
+        let outcomes = self.conversation.send_next(&message.into(), slices)?;
+        self.note(job, &outcomes)?;
+        Ok(from + planes)
+    }
+
+    /// Sends slice `slice`; the one after it.
+    fn send_plane<T: TurnPlanes>(&mut self, job: &mut Job<'_, T>, slice: usize) -> Result<usize, StreamError> {
+        let (turn, check, part_bytes) = (job.number, job.checks[slice], self.part_bytes());
+        let slice = slice as u16;
+        let mut compressed = std::mem::take(&mut self.compressed);
+        compressed.clear();
+        self.compressor.compress(job.turn.plane_bytes(slice.into()), job.turn.hint(slice.into()), &mut compressed);
+        let total = compressed.len() as u32;
+        for (offset, bytes) in (0..).step_by(part_bytes).zip(compressed.chunks(part_bytes)) {
+            let message = PlaneData { turn, slice, offset, total, check, bytes };
+            let is_last = offset + bytes.len() as u32 == total;
+            let outcomes = self.conversation.send_next(&message.into(), slice..slice + u16::from(is_last))?;
+            self.note(job, &outcomes)?;
+        }
+        self.compressed = compressed;
+        Ok(usize::from(slice) + 1)
+    }
+
+    fn part_bytes(&self) -> usize {
+        let bytes = self.conversation.link.bytes_per_second().map(|rate| (rate * PART_S) as usize);
+        bytes.unwrap_or(PLANE_PART_BYTES).clamp(512, PLANE_PART_BYTES)
+    }
+
+    /// Takes down what the device said of packets of planes.
+    fn note<T>(&mut self, job: &mut Job<'_, T>, outcomes: &[Outcome]) -> Result<(), StreamError> {
+        for Outcome { slices: Range { start, end }, answer } in outcomes {
+            let wants = &mut job.wants[usize::from(*start)..usize::from(*end)];
+            match answer {
+                Answer::Nack(_) if wants.first() == Some(&Want::Keep) => {
+                    // Without the earlier turn the planes themselves are needed.
+                    self.conversation.statistics.refused += 1;
+                    wants.fill(Want::Send);
+                }
+                Answer::Nack(reason) => self.conversation.refused_plane(*reason)?,
+                _ => {
+                    let kept = wants.iter().filter(|want| **want == Want::Keep).count();
+                    self.conversation.statistics.planes_kept += kept as u64;
+                    wants.fill(Want::Arrived);
+                }
+            }
+        }
+        Ok(())
+    }
+}
