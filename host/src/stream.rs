@@ -15,6 +15,7 @@ use thiserror::Error;
 mod conversation;
 pub mod live;
 pub mod mailbox;
+mod round_trip;
 mod sending;
 
 /// A turn as a stream takes it.

@@ -1,8 +1,9 @@
 //! Questions and answers: packets out, packets in, who waits for what.
 
+use super::round_trip::RoundTrip;
 use super::{Statistics, StreamError};
 use crate::link::Link;
-use protocol::message::{Ack, Faults, HelloReply, Message, Missing, Nack, Reason, Status};
+use protocol::message::{Ack, Faults, HelloReply, Message, Missing, Nack, PLANE_PART_BYTES, Reason, Status};
 use protocol::packet::{Decoder, FRAME_BYTES_MAX, PACKET_BYTES_MAX, encode};
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -12,8 +13,13 @@ use std::time::Duration;
 const ATTEMPTS: u32 = 10;
 /// Packets of planes that may be under way unanswered: at most half a megabyte.
 const WINDOW: usize = 32;
-/// How long an answer may take, apart from the time that a slow link needs.
+/// How long an answer may take at most, apart from the time that a slow link needs.
 const ANSWER_WITHIN: Duration = Duration::from_millis(500);
+
+/// A plane is cut so that a slow line carries a part in about this time: a part that is damaged is soon sent again.
+const PART_S: f64 = 0.02;
+/// Parts of planes that may be under way take a slow line so long.
+const WINDOW_S: f64 = 0.25;
 
 /// What the device said to a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,6 +28,15 @@ pub(super) enum Answer {
     Missing { from: u16, to: u16 },
     Ack,
     Nack(Reason),
+}
+
+/// A packet of planes that was sent.
+#[derive(Clone, Debug)]
+struct Unanswered {
+    sequence: u32,
+    /// The slices that are whole with it.
+    slices: Range<u16>,
+    at: Duration,
 }
 
 /// What became of a packet of planes.
@@ -52,8 +67,9 @@ pub(super) struct Conversation<L> {
     incoming: Vec<u8>,
     /// What came and nobody asked for yet, with the sequence number that it answers.
     pub(super) answers: VecDeque<(u32, Answer)>,
-    /// Packets of planes without an answer, the oldest first, and the slices that are whole with them.
-    sent: VecDeque<(u32, Range<u16>)>,
+    /// Packets of planes without an answer, the oldest first.
+    unanswered: VecDeque<Unanswered>,
+    round_trip: RoundTrip,
     sequence: u32,
     pub(super) status: Option<Status>,
     pub(super) faults: Option<Faults>,
@@ -70,7 +86,8 @@ impl<L: Link> Conversation<L> {
             frame: vec![0; FRAME_BYTES_MAX],
             incoming: Vec::new(),
             answers: VecDeque::new(),
-            sent: VecDeque::new(),
+            unanswered: VecDeque::new(),
+            round_trip: RoundTrip::default(),
             sequence,
             status: None,
             faults: None,
@@ -83,7 +100,8 @@ impl<L: Link> Conversation<L> {
         self.link = link;
         self.decoder.cut();
         self.answers.clear();
-        self.sent.clear();
+        self.unanswered.clear();
+        self.round_trip = RoundTrip::default();
     }
 
     /// Ends whatever packet an earlier conversation left unfinished.
@@ -98,7 +116,8 @@ impl<L: Link> Conversation<L> {
         for attempt in 0..ATTEMPTS {
             self.statistics.retries += u64::from(attempt > 0);
             self.send(sequence, message)?;
-            let until = self.link.now() + self.patience();
+            let start = self.link.now();
+            let until = start + self.patience();
             loop {
                 let left = until.saturating_sub(self.link.now());
                 self.listen(left)?;
@@ -106,9 +125,14 @@ impl<L: Link> Conversation<L> {
                 let found = self.answers.iter().copied().find(fits);
                 self.answers.clear();
                 if let Some((_, answer)) = found {
+                    // What was sent twice may have been answered the first time.
+                    if attempt == 0 {
+                        self.round_trip.answered(self.link.now().saturating_sub(start));
+                    }
                     return Ok(answer);
                 }
                 if left.is_zero() {
+                    self.round_trip.lost();
                     break;
                 }
             }
@@ -135,7 +159,7 @@ impl<L: Link> Conversation<L> {
         let sequence = self.sequence;
         self.sequence = self.sequence.wrapping_add(1);
         self.send(sequence, message)?;
-        self.sent.push_back((sequence, slices));
+        self.unanswered.push_back(Unanswered { sequence, slices, at: self.link.now() });
         Ok(outcomes)
     }
 
@@ -152,33 +176,42 @@ impl<L: Link> Conversation<L> {
         self.listen(Duration::ZERO)?;
         loop {
             while let Some((sequence, answer)) = self.answers.pop_front() {
-                let Some(at) = self.sent.iter().position(|(sent, _)| *sent == sequence) else { continue };
+                let Some(at) = self.unanswered.iter().position(|sent| sent.sequence == sequence) else { continue };
+                let Some(Unanswered { slices, at, .. }) = self.unanswered.drain(..=at).next_back() else { continue };
+                self.round_trip.answered(self.link.now().saturating_sub(at));
                 until = self.link.now() + self.patience();
-                let answered = self.sent.drain(..=at).next_back();
-                outcomes.extend(answered.map(|(_, slices)| Outcome { slices, answer }));
+                outcomes.push(Outcome { slices, answer });
             }
-            if self.sent.len() < below {
+            if self.unanswered.len() < below {
                 return Ok(outcomes);
             }
             let left = until.saturating_sub(self.link.now());
             if left.is_zero() {
-                self.sent.clear();
+                self.unanswered.clear();
+                self.round_trip.lost();
                 return Ok(outcomes);
             }
             self.listen(left)?;
         }
     }
 
-    /// Packets that may be under way unanswered: half a second's on a slow link.
+    /// The most compressed bytes of a plane in one packet.
+    pub(super) fn part_bytes(&self) -> usize {
+        let bytes = self.link.bytes_per_second().map(|rate| (rate * PART_S) as usize);
+        bytes.unwrap_or(PLANE_PART_BYTES).clamp(512, PLANE_PART_BYTES)
+    }
+
+    /// Packets that may be under way unanswered.
     fn window(&self) -> usize {
-        let packets = self.link.bytes_per_second().map(|rate| (rate * 0.5 / FRAME_BYTES_MAX as f64) as usize);
+        let packets = self.link.bytes_per_second().map(|rate| (rate * WINDOW_S / self.part_bytes() as f64) as usize);
         packets.unwrap_or(WINDOW).clamp(2, WINDOW)
     }
 
-    /// How long an answer may take: what is under way goes first.
+    /// How long an answer may take. On a slow link, what is under way goes first.
     fn patience(&self) -> Duration {
-        let under_way = (self.window() + 1) as f64 * FRAME_BYTES_MAX as f64;
-        ANSWER_WITHIN + Duration::from_secs_f64(self.link.bytes_per_second().map_or(0.0, |rate| under_way / rate))
+        let under_way = ((self.window() + 1) * self.part_bytes()) as f64;
+        let slow = self.link.bytes_per_second().map_or(0.0, |rate| under_way / rate);
+        self.round_trip.timeout(ANSWER_WITHIN + Duration::from_secs_f64(slow))
     }
 
     pub(super) fn refused_plane(&mut self, reason: Reason) -> Result<(), StreamError> {
@@ -227,7 +260,8 @@ impl<L: Link> Conversation<L> {
 
     /// Hands over all of `bytes`; reads while the link takes none, so that a device that waits to be read goes on.
     fn transfer(&mut self, mut bytes: &[u8], message: &'static str) -> Result<(), StreamError> {
-        let patience = self.patience();
+        // A link that takes nothing may still be stalled for a moment.
+        let patience = ANSWER_WITHIN.max(self.patience());
         let mut until = self.link.now() + patience;
         while !bytes.is_empty() {
             let sent = self.link.send(bytes)?;

@@ -4,9 +4,7 @@ use super::conversation::{Answer, Outcome};
 use super::{Sent, Stream, StreamError, TurnPlanes};
 use crate::link::Link;
 use protocol::codec::turn_check;
-use protocol::message::{
-    AskMissing, BeginTurn, EndTurn, KEEP_PLANES_MAX, KeepPlanes, Message, PLANE_PART_BYTES, PlaneData, Reason,
-};
+use protocol::message::{AskMissing, BeginTurn, EndTurn, KEEP_PLANES_MAX, KeepPlanes, Message, PlaneData, Reason};
 use std::ops::Range;
 use std::time::Duration;
 
@@ -14,9 +12,6 @@ use std::time::Duration;
 const ROUNDS: usize = 20;
 /// How long to wait before a device that is busy is asked again.
 const BUSY_WAIT: Duration = Duration::from_millis(2);
-/// A plane is cut so that a slow line carries a part in about this time: a part that is damaged is soon sent again, and news are not
-/// held up.
-const PART_S: f64 = 0.02;
 
 /// What is to come of a slice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -172,7 +167,7 @@ impl<L: Link> Stream<L> {
 
     /// Sends slice `slice`; the one after it.
     fn send_plane<T: TurnPlanes>(&mut self, job: &mut Job<'_, T>, slice: usize) -> Result<usize, StreamError> {
-        let (turn, check, part_bytes) = (job.number, job.checks[slice], self.part_bytes());
+        let (turn, check, part_bytes) = (job.number, job.checks[slice], self.conversation.part_bytes());
         let slice = slice as u16;
         let mut compressed = std::mem::take(&mut self.compressed);
         compressed.clear();
@@ -186,11 +181,6 @@ impl<L: Link> Stream<L> {
         }
         self.compressed = compressed;
         Ok(usize::from(slice) + 1)
-    }
-
-    fn part_bytes(&self) -> usize {
-        let bytes = self.conversation.link.bytes_per_second().map(|rate| (rate * PART_S) as usize);
-        bytes.unwrap_or(PLANE_PART_BYTES).clamp(512, PLANE_PART_BYTES)
     }
 
     /// Takes down what the device said of packets of planes.
