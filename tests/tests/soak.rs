@@ -10,6 +10,7 @@ use hil_sim::motor::Motor;
 use hil_sim::scenario::Scenario;
 use hil_sim::simulator::Simulator;
 use hil_sim::world::Recording;
+use host::link::Connect;
 use host::link::sim::Shared;
 use host::stream::live::{Live, Source, Step};
 use host::stream::{StreamError, TurnPlanes};
@@ -20,6 +21,7 @@ use protocol::units::{Nanos, Turns};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeSet;
+use std::ops::AddAssign;
 use std::time::Duration;
 
 const SLICES: u32 = 288;
@@ -27,11 +29,11 @@ const SLICES: u32 = 288;
 const PERIOD: Duration = Duration::from_millis(45);
 /// A turn that took longer is left where there is a newer one.
 const DEADLINE: Duration = Duration::from_millis(400);
-const LOOK_FOR: Duration = Duration::from_secs(10);
+const LOOK_FOR: Duration = Duration::from_secs(60);
 /// Turns of a leg, which has a line and a seed of its own.
 const LEG_TURNS: u32 = 100;
 /// So many come over a line that is whole again.
-const CALM_TURNS: u32 = 20;
+const CALM_TURNS: u32 = 40;
 
 fn size() -> ImageSize {
     ImageSize::new(64, 48).unwrap()
@@ -240,6 +242,25 @@ struct Leg {
     lit: u64,
 }
 
+impl AddAssign for Leg {
+    fn add_assign(&mut self, other: Self) {
+        let Self { turns, delivered, dropped, kept, resumed, reconnects, restarts, damaged, stalls, unplugs, lit } =
+            other;
+        self.turns += turns;
+        self.delivered += delivered;
+        self.dropped += dropped;
+        self.kept += kept;
+        self.resumed += resumed;
+        self.reconnects += reconnects;
+        self.restarts += restarts;
+        self.damaged += damaged;
+        self.stalls += stalls;
+        self.unplugs += unplugs;
+        self.lit += lit;
+    }
+}
+
+/// The worst of it is another one in each leg.
 fn rates(seed: u64) -> FaultRates {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut rate = |most: f64| if random.random_bool(0.6) { random.random_range(0.0..most) } else { 0.0 };
@@ -249,8 +270,8 @@ fn rates(seed: u64) -> FaultRates {
         repeat: rate(1e-4),
         repeat_transfer: rate(0.02),
         swap: rate(0.02),
-        stall: rate(2.0),
-        unplug: rate(1.5),
+        stall: rate(3.0),
+        unplug: rate(3.0),
     }
 }
 
@@ -260,7 +281,7 @@ fn start(rig: &Rig) -> Live<Rig, Picture> {
         match Live::new(rig.clone(), &rotation(), size(), [DEADLINE, LOOK_FOR]) {
             Ok(live) => return live,
             Err(StreamError::Schema { .. }) => panic!("another schema"),
-            Err(_) => host::link::Connect::wait(&mut rig.clone(), Duration::from_millis(20)),
+            Err(_) => rig.clone().wait(Duration::from_millis(20)),
         }
     }
     panic!("no device in 20 s")
@@ -272,7 +293,6 @@ fn locked(rig: &Rig, camera: &mut Camera) -> Live<Rig, Picture> {
     live.command(Command::Start).unwrap();
     while live.status().is_none_or(|status| status.state != State::Locked) {
         assert!(live.now() < Duration::from_secs(20), "not in step: {:?}", live.status());
-        host::link::Connect::wait(&mut rig.clone(), Duration::from_millis(50));
         live.step(&mut Nothing).unwrap();
     }
     camera.start = live.now();
@@ -328,7 +348,6 @@ fn leg(seed: u64) -> Leg {
     note(&mut leg, &live);
     let faults = rig.with(|line| line.counts());
     (leg.damaged, leg.stalls, leg.unplugs) = (faults.bytes + faults.transfers, faults.stalls, faults.unplugs);
-    println!("seed {seed} {:?} {:?} rates {:?}", live.totals(), live.statistics(), rates(seed));
     rig.with(|line| judge(seed, line.endpoint_mut(), &camera, &delivered, &mut leg));
     assert!(calm_delivered >= 5, "seed {seed}: {calm_delivered} turns after the line was whole again: {leg:?}");
     leg
@@ -387,19 +406,7 @@ fn no_fault_of_the_line_shows_a_wrong_or_torn_plane() {
     let legs = turns.div_ceil(LEG_TURNS.into());
     let (mut sum, mut early) = (Leg::default(), None);
     for seed in first..first + legs {
-        let Leg { turns, delivered, dropped, kept, resumed, reconnects, restarts, damaged, stalls, unplugs, lit } =
-            leg(seed);
-        sum.turns += turns;
-        sum.delivered += delivered;
-        sum.dropped += dropped;
-        sum.kept += kept;
-        sum.resumed += resumed;
-        sum.reconnects += reconnects;
-        sum.restarts += restarts;
-        sum.damaged += damaged;
-        sum.stalls += stalls;
-        sum.unplugs += unplugs;
-        sum.lit += lit;
+        sum += leg(seed);
         if seed == first + legs / 5 {
             early = resident_bytes();
         }
