@@ -28,6 +28,24 @@ pub trait Endpoint {
     }
 }
 
+impl<E: Endpoint + ?Sized> Endpoint for Box<E> {
+    fn receive(&mut self, bytes: &[u8]) -> usize {
+        (**self).receive(bytes)
+    }
+
+    fn transmit(&mut self) -> Vec<u8> {
+        (**self).transmit()
+    }
+
+    fn advance(&mut self, seconds: f64) {
+        (**self).advance(seconds);
+    }
+
+    fn is_there(&self) -> bool {
+        (**self).is_there()
+    }
+}
+
 /// The device. The world feeds it ([`receive`](Endpoint::receive)), empties it ([`transmit`](Endpoint::transmit)), hands
 /// [inputs](Self::next_input) to the controller and the controller's releases and reports back.
 #[derive(Debug, Default)]

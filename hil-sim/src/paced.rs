@@ -229,6 +229,13 @@ mod tests {
         line.receive(&counted(500));
         line.advance(0.1);
         assert_eq!(line.endpoint().heard.len(), 100);
+        // Not the part of a byte either.
+        let mut slow = Paced::new(Echo::new(usize::MAX), Pace { bytes_per_second: 1.0, buffer_bytes: 4096 });
+        for seconds in [1.9, 0.5] {
+            slow.receive(&[7]);
+            slow.advance(seconds);
+        }
+        assert_eq!(slow.endpoint().heard, [7]);
         // 400 bytes and a pause of 0.6 s, then 100: 500 bytes and another 100 in 0.5, 0.6 and 0.1 s.
         line.advance(1.0);
         line.receive(&counted(100));

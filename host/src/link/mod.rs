@@ -3,8 +3,10 @@
 use std::time::Duration;
 use thiserror::Error;
 
+pub mod address;
 #[cfg(test)]
 pub mod faulty;
+pub mod serial;
 pub mod sim;
 pub mod usb;
 
