@@ -31,6 +31,28 @@ pub trait Endpoint {
     }
 }
 
+impl<E: Endpoint + ?Sized> Endpoint for Box<E> {
+    fn receive(&mut self, bytes: &[u8]) -> usize {
+        (**self).receive(bytes)
+    }
+
+    fn transmit(&mut self) -> Vec<u8> {
+        (**self).transmit()
+    }
+
+    fn advance(&mut self, seconds: f64) {
+        (**self).advance(seconds);
+    }
+
+    fn lose_link(&mut self) {
+        (**self).lose_link();
+    }
+
+    fn plug(&self) -> Option<u32> {
+        (**self).plug()
+    }
+}
+
 /// The device. The world feeds it ([`receive`](Endpoint::receive)), empties it ([`transmit`](Endpoint::transmit)), hands
 /// [inputs](Self::next_input) to the controller and the controller's releases and reports back.
 #[derive(Debug, Default)]

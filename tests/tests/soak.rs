@@ -11,7 +11,7 @@ use hil_sim::scenario::Scenario;
 use hil_sim::simulator::Simulator;
 use hil_sim::world::Recording;
 use host::link::Connect;
-use host::link::sim::Shared;
+use host::link::sim::{Clock, Shared, SimConnect};
 use host::stream::live::{Live, Source, Step};
 use host::stream::{StreamError, TurnPlanes};
 use protocol::codec::{Hint, ImageSize};
@@ -224,7 +224,7 @@ impl Endpoint for Watched {
     }
 }
 
-type Rig = Shared<Faulty<Watched>>;
+type Way = SimConnect<Faulty<Watched>>;
 
 /// What a leg came to.
 #[derive(Clone, Copy, Debug, Default)]
@@ -276,20 +276,20 @@ fn rates(seed: u64) -> FaultRates {
 }
 
 /// A host that was just started, as soon as there is a device.
-fn start(rig: &Rig) -> Live<Rig, Picture> {
+fn start(way: &Way) -> Live<Way, Picture> {
     for _ in 0..1_000 {
-        match Live::new(rig.clone(), &rotation(), size(), [DEADLINE, LOOK_FOR]) {
+        match Live::new(way.clone(), &rotation(), size(), [DEADLINE, LOOK_FOR]) {
             Ok(live) => return live,
             Err(StreamError::Schema { .. }) => panic!("another schema"),
-            Err(_) => rig.clone().wait(Duration::from_millis(20)),
+            Err(_) => way.clone().wait(Duration::from_millis(20)),
         }
     }
     panic!("no device in 20 s")
 }
 
 /// The mirror in step, over a line without faults.
-fn locked(rig: &Rig, camera: &mut Camera) -> Live<Rig, Picture> {
-    let mut live = start(rig);
+fn locked(way: &Way, camera: &mut Camera) -> Live<Way, Picture> {
+    let mut live = start(way);
     live.command(Command::Start).unwrap();
     while live.status().is_none_or(|status| status.state != State::Locked) {
         assert!(live.now() < Duration::from_secs(20), "not in step: {:?}", live.status());
@@ -315,9 +315,10 @@ impl Source for Nothing {
 
 fn leg(seed: u64) -> Leg {
     let rig = Shared::new(Faulty::new(Watched::new(seed), FaultRates::default(), seed));
+    let way = SimConnect::new(rig.clone(), Clock::Simulated, None);
     let mut camera = Camera::new(seed);
     let mut random = ChaCha8Rng::seed_from_u64(seed ^ 0xc0ffee);
-    let mut live = locked(&rig, &mut camera);
+    let mut live = locked(&way, &mut camera);
     rig.with(|line| line.set_rates(rates(seed)));
     let (mut delivered, mut leg) = (BTreeSet::new(), Leg::default());
     let (mut calm_from, mut calm_delivered) = (None, 0);
@@ -337,7 +338,7 @@ fn leg(seed: u64) -> Leg {
         if !is_calm && random.random_bool(restarts) {
             note(&mut leg, &live);
             leg.restarts += 1;
-            live = start(&rig);
+            live = start(&way);
         }
     }
     // The last one comes on screen.
@@ -354,7 +355,7 @@ fn leg(seed: u64) -> Leg {
 }
 
 /// Adds up what a host did.
-fn note(leg: &mut Leg, live: &Live<Rig, Picture>) {
+fn note(leg: &mut Leg, live: &Live<Way, Picture>) {
     let (totals, statistics) = (live.totals(), live.statistics());
     leg.delivered += totals.delivered;
     leg.dropped += totals.late + totals.failed;

@@ -3,7 +3,10 @@
 use std::time::Duration;
 use thiserror::Error;
 
+pub mod address;
+pub mod serial;
 pub mod sim;
+pub mod usb;
 
 /// Why a device cannot be reached, or does not carry bytes.
 #[derive(Debug, Error)]

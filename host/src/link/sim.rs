@@ -3,29 +3,49 @@
 pub use hil_sim::device::Endpoint;
 
 use super::{Connect, Link, LinkError};
+use hil_sim::motor::Motor;
+use hil_sim::paced::{Pace, Paced};
+use hil_sim::scenario::Scenario;
+use hil_sim::served::{self, Pump};
+use hil_sim::simulator::Simulator;
+use protocol::rig::Rig;
+use std::convert::Infallible;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-/// How far simulated time goes at once while a host waits.
-const STEP: Duration = Duration::from_millis(1);
+/// How far simulated time goes at once while a host waits: first the least, so that quick answers have their time, then twice as far each time.
+const STEPS: [Duration; 2] = [Duration::from_micros(50), Duration::from_millis(1)];
+
+/// How a simulated device's time passes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Clock {
+    /// As fast as the simulation can, and only while a host waits: the same every time.
+    #[default]
+    Simulated,
+    /// As the wall's does.
+    Wall,
+}
 
 /// A link to `endpoint`. Sending takes no simulated time; waiting does.
 #[derive(Debug)]
 pub struct SimLink<E> {
     endpoint: E,
+    began: Duration,
     now: Duration,
     plug: Option<u32>,
+    bytes_per_second: Option<f64>,
+    wall: Option<(Instant, Pump)>,
 }
 
 impl<E: Endpoint> SimLink<E> {
-    /// At time 0.
+    /// At time 0 of a clock that is the simulation's.
     pub fn new(endpoint: E) -> Self {
         Self::at(endpoint, Duration::ZERO)
     }
 
-    /// At time `now`.
+    /// The same at time `now`.
     fn at(endpoint: E, now: Duration) -> Self {
-        Self { plug: endpoint.plug(), endpoint, now }
+        Self { plug: endpoint.plug(), endpoint, began: now, now, bytes_per_second: None, wall: None }
     }
 
     /// The far end.
@@ -47,6 +67,21 @@ impl<E: Endpoint> SimLink<E> {
         let plug = self.endpoint.plug();
         if plug.is_some() && plug == self.plug { Ok(()) } else { Err(LinkError::Gone) }
     }
+
+    /// Lets at most `most` pass, in simulated time; what the device said meanwhile goes to `into`.
+    fn pass(&mut self, most: Duration, into: &mut Vec<u8>) {
+        let Some((start, pump)) = &mut self.wall else {
+            self.endpoint.advance(most.as_secs_f64());
+            self.now += most;
+            return;
+        };
+        std::thread::sleep(most.min(served::STEP));
+        let Ok(()) = pump.catch_up(start.elapsed(), &mut self.endpoint, |endpoint| {
+            into.extend(endpoint.transmit());
+            Ok::<_, Infallible>(())
+        });
+        self.now = self.began + pump.simulated();
+    }
 }
 
 impl<E: Endpoint> Link for SimLink<E> {
@@ -56,27 +91,30 @@ impl<E: Endpoint> Link for SimLink<E> {
     }
 
     fn receive(&mut self, into: &mut Vec<u8>, wait: Duration) -> Result<usize, LinkError> {
-        let until = self.now + wait;
+        let (before, until) = (into.len(), self.now + wait);
+        let [mut step, longest] = STEPS;
         loop {
             self.check()?;
-            let bytes = self.endpoint.transmit();
+            into.extend(self.endpoint.transmit());
             let left = until.saturating_sub(self.now);
-            if !bytes.is_empty() || left.is_zero() {
-                into.extend_from_slice(&bytes);
-                return Ok(bytes.len());
+            if into.len() > before || left.is_zero() {
+                return Ok(into.len() - before);
             }
-            let step = STEP.min(left);
-            self.endpoint.advance(step.as_secs_f64());
-            self.now += step;
+            self.pass(step.min(left), into);
+            step = longest.min(2 * step);
         }
     }
 
     fn now(&self) -> Duration {
         self.now
     }
+
+    fn bytes_per_second(&self) -> Option<f64> {
+        self.bytes_per_second
+    }
 }
 
-/// A device that lives on while nothing is connected to it.
+/// An endpoint that several links lead to, one after the other, with its time.
 #[derive(Debug)]
 pub struct Shared<E>(Arc<Mutex<(E, Duration)>>);
 
@@ -87,7 +125,7 @@ impl<E> Clone for Shared<E> {
 }
 
 impl<E> Shared<E> {
-    /// Switched on now: its time is 0.
+    /// At time 0.
     pub fn new(endpoint: E) -> Self {
         Self(Arc::new(Mutex::new((endpoint, Duration::ZERO))))
     }
@@ -97,7 +135,9 @@ impl<E> Shared<E> {
         act(&mut self.lock().0)
     }
 
+    /// The endpoint, and how much time has passed there.
     fn lock(&self) -> MutexGuard<'_, (E, Duration)> {
+        // Whoever panicked with it is not this link's matter: every packet is checked.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -112,9 +152,9 @@ impl<E: Endpoint> Endpoint for Shared<E> {
     }
 
     fn advance(&mut self, seconds: f64) {
-        let mut device = self.lock();
-        device.0.advance(seconds);
-        device.1 += Duration::from_secs_f64(seconds);
+        let (endpoint, passed) = &mut *self.lock();
+        endpoint.advance(seconds);
+        *passed += Duration::from_secs_f64(seconds);
     }
 
     fn lose_link(&mut self) {
@@ -126,21 +166,89 @@ impl<E: Endpoint> Endpoint for Shared<E> {
     }
 }
 
-impl<E: Endpoint> Connect for Shared<E> {
-    type Link = SimLink<Self>;
+/// Links to one endpoint, which lives on between them: its time goes on where the last link ended.
+#[derive(Debug)]
+pub struct SimConnect<E> {
+    endpoint: Shared<E>,
+    clock: Clock,
+    bytes_per_second: Option<f64>,
+}
+
+impl<E> Clone for SimConnect<E> {
+    fn clone(&self) -> Self {
+        Self { endpoint: self.endpoint.clone(), ..*self }
+    }
+}
+
+impl<E: Endpoint> SimConnect<E> {
+    /// To `endpoint`, over a line that carries `bytes_per_second` if anything limits it.
+    pub fn new(endpoint: Shared<E>, clock: Clock, bytes_per_second: Option<f64>) -> Self {
+        Self { endpoint, clock, bytes_per_second }
+    }
+}
+
+impl<E: Endpoint> Connect for SimConnect<E> {
+    type Link = SimLink<Shared<E>>;
 
     fn connect(&mut self) -> Result<Self::Link, LinkError> {
-        let (plug, now) = {
-            let device = self.lock();
-            (device.0.plug(), device.1)
-        };
-        match plug {
-            Some(_) => Ok(SimLink::at(self.clone(), now)),
-            None => Err(LinkError::Gone),
+        if self.endpoint.plug().is_none() {
+            let remedy = "its plug is out: it must come back first".into();
+            return Err(LinkError::Absent { name: "sim".into(), remedy });
         }
+        let began = self.endpoint.lock().1;
+        let mut link = SimLink::at(self.endpoint.clone(), began);
+        link.bytes_per_second = self.bytes_per_second;
+        link.wall = (self.clock == Clock::Wall).then(|| (Instant::now(), Pump::new()));
+        Ok(link)
     }
 
     fn wait(&mut self, time: Duration) {
-        self.advance(time.as_secs_f64());
+        if self.clock == Clock::Wall {
+            std::thread::sleep(time);
+        }
+        self.endpoint.advance(time.as_secs_f64());
+    }
+}
+
+/// How a simulated controller is connected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cable {
+    /// By none: bytes take no time.
+    None,
+    /// As USB high speed carries them: [`Pace::USB`].
+    Usb,
+    /// A serial line of so many bits a second.
+    Serial(u32),
+}
+
+/// What a simulated controller is.
+#[derive(Clone, Debug)]
+pub struct Simulated {
+    /// What it drives.
+    pub rig: Rig,
+    /// All noise follows from it.
+    pub seed: u64,
+    /// How its time passes.
+    pub clock: Clock,
+}
+
+impl Simulated {
+    /// The way to one with the reference motor, which nobody has started. A rig that the controller refuses is no device, and the error says why.
+    pub fn connect_by(&self, cable: Cable) -> Result<SimConnect<Box<dyn Endpoint + Send>>, LinkError> {
+        let simulator = Simulator::new(&self.rig, Motor::reference(), Scenario::without_events(), self.seed);
+        let simulator = simulator.map_err(|error| LinkError::Absent {
+            name: "sim".into(),
+            remedy: format!("the simulated controller refuses rig {}: {error}", self.rig.name),
+        })?;
+        let pace = match cable {
+            Cable::None => None,
+            Cable::Usb => Some(Pace::USB),
+            Cable::Serial(baud) => Some(Pace::serial(baud)),
+        };
+        let endpoint: Box<dyn Endpoint + Send> = match pace {
+            None => Box::new(simulator),
+            Some(pace) => Box::new(Paced::new(simulator, pace)),
+        };
+        Ok(SimConnect::new(Shared::new(endpoint), self.clock, pace.map(|pace| pace.bytes_per_second)))
     }
 }

@@ -1,6 +1,6 @@
 use super::*;
 use crate::link::Connect;
-use crate::link::sim::{Endpoint, Shared, SimLink};
+use crate::link::sim::{Clock, Endpoint, Shared, SimConnect, SimLink};
 use hil_sim::device::{Device, Input, Report, TurnHandle};
 use hil_sim::faulty::{FaultRates, Faulty};
 use proptest::prelude::*;
@@ -367,10 +367,10 @@ fn planes_that_stay_are_not_sent_again() {
 
 #[test]
 fn a_turn_goes_on_where_the_link_was_lost() {
-    let mut device = Shared::new(Faulty::new(Player::new(true, small()), FaultRates::default(), 1));
+    let plug = Shared::new(Faulty::new(Player::new(true, small()), FaultRates::default(), 1));
+    let mut device = SimConnect::new(plug.clone(), Clock::Simulated, None);
     let mut stream = Stream::new(device.connect().unwrap(), &rotation(SLICES), small()).unwrap();
     let turn = Pictures::new(2, SLICES, small());
-    let plug = device.clone();
     let mut looks = 0;
     let lost = stream.submit_unless(&turn, |_| {
         looks += 1;
@@ -380,19 +380,19 @@ fn a_turn_goes_on_where_the_link_was_lost() {
         false
     });
     assert!(matches!(lost, Err(StreamError::Link(LinkError::Gone))), "{lost:?}");
-    assert!(matches!(device.connect(), Err(LinkError::Gone)));
+    assert!(matches!(device.connect(), Err(LinkError::Absent { .. })));
     device.wait(Duration::from_millis(150));
     stream.reconnect(device.connect().unwrap()).unwrap();
     let ticket = stream.submit(&turn).unwrap();
     assert!(stream.statistics().planes_resumed >= 8, "{:?}", stream.statistics());
-    device.with(|line| assert_eq!(line.endpoint().device.counters().turns_abandoned, 0));
+    plug.with(|line| assert_eq!(line.endpoint().device.counters().turns_abandoned, 0));
     stream.poll(Duration::from_millis(200)).unwrap();
-    device.with(|line| assert!(line.endpoint().shown == [(ticket.turn, turn.planes.clone())]));
+    plug.with(|line| assert!(line.endpoint().shown == [(ticket.turn, turn.planes.clone())]));
     // One that is left for another is abandoned.
     let left = stream.submit_unless(&Pictures::new(4, SLICES, small()), |_| true);
     assert!(matches!(left, Err(StreamError::Left { .. })));
     stream.submit(&turn).unwrap();
-    device.with(|line| assert_eq!(line.endpoint().device.counters().turns_received, 2));
+    plug.with(|line| assert_eq!(line.endpoint().device.counters().turns_received, 2));
 }
 
 proptest! {
