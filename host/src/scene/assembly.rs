@@ -13,7 +13,7 @@ const NOTES_MAX: usize = 100;
 const THINNEST: f64 = 1e-10;
 
 /// Vertices and triangles that share a material. An attribute is empty or as long as `positions`.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Part {
     pub positions: Vec<Vec3>,
     pub normals: Vec<Vec3>,
@@ -25,7 +25,7 @@ pub(super) struct Part {
 }
 
 /// A scene that grows part by part.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Assembly {
     scene: Scene,
     degenerate: usize,
@@ -48,13 +48,7 @@ impl Assembly {
 
     /// Refuses a further part before memory is spent on it.
     pub fn room_for(&self, place: &str, vertices: usize, triangles: usize) -> Result<(), Fault> {
-        let check = |have: usize, more: usize, what: &'static str, limit: usize| {
-            let count = have.saturating_add(more);
-            let too_large = Fault::TooLarge { place: place.into(), count: count as u64, what, limit: limit as u64 };
-            if count > limit { Err(too_large) } else { Ok(()) }
-        };
-        check(self.scene.triangles.len(), triangles, "triangles", TRIANGLES_MAX)?;
-        check(self.scene.positions.len(), vertices, "vertices", VERTICES_MAX)
+        room_beside([self.scene.positions.len(), self.scene.triangles.len()], place, vertices, triangles)
     }
 
     /// Checks a part's numbers and indices, drops its degenerate triangles and adds the rest.
@@ -82,14 +76,21 @@ impl Assembly {
     }
 
     /// The scene, if there is anything to draw.
-    pub fn finish(mut self) -> Result<Scene, Fault> {
-        if self.scene.triangles.is_empty() {
-            let detail = match self.degenerate {
+    pub fn finish(self) -> Result<Scene, Fault> {
+        let degenerate = self.degenerate;
+        let scene = self.finish_even_empty();
+        if scene.triangles.is_empty() {
+            let detail = match degenerate {
                 0 => String::new(),
                 n => format!(" but {n} degenerate (zero area)"),
             };
             return Err(Fault::Empty { detail });
         }
+        Ok(scene)
+    }
+
+    /// The scene, also where there is nothing to draw at the moment.
+    pub fn finish_even_empty(mut self) -> Scene {
         match self.degenerate {
             0 => {}
             1 => self.note("1 degenerate triangle dropped"),
@@ -98,8 +99,24 @@ impl Assembly {
         if self.scene.materials.is_empty() {
             self.scene.materials.push(Material::default());
         }
-        Ok(self.scene)
+        self.scene
     }
+}
+
+/// Refuses so many vertices and triangles beside those there are.
+pub(super) fn room_beside(
+    [have_vertices, have_triangles]: [usize; 2],
+    place: &str,
+    vertices: usize,
+    triangles: usize,
+) -> Result<(), Fault> {
+    let check = |have: usize, more: usize, what: &'static str, limit: usize| {
+        let count = have.saturating_add(more);
+        let too_large = Fault::TooLarge { place: place.into(), count: count as u64, what, limit: limit as u64 };
+        if count > limit { Err(too_large) } else { Ok(()) }
+    };
+    check(have_triangles, triangles, "triangles", TRIANGLES_MAX)?;
+    check(have_vertices, vertices, "vertices", VERTICES_MAX)
 }
 
 /// Grows an attribute that may be absent before or in the new part, so that it is absent or complete.
@@ -112,7 +129,8 @@ fn append<T: Copy>(all: &mut Vec<T>, before: usize, new: Vec<T>, added: usize, m
     all.resize(before + added, missing);
 }
 
-fn in_range(value: f32) -> bool {
+/// Whether lengths may be that.
+pub(super) fn in_range(value: f32) -> bool {
     value.abs() <= COORDINATE_MAX
 }
 

@@ -6,35 +6,54 @@ use gltf::scene::Transform;
 
 use super::Fault;
 
-/// `world_from_node` of every node at rest.
-///
-/// # Errors
-/// A node with two parents, or that is its own ancestor: the format wants a forest.
-pub(super) fn world_from_nodes(document: &Document) -> Result<Vec<Mat4>, Fault> {
-    let count = document.nodes().len();
-    let mut parents: Vec<Option<usize>> = vec![None; count];
-    for node in document.nodes() {
-        for child in node.children() {
-            if parents[child.index()].replace(node.index()).is_some() {
-                let place = format!("node {}", child.index());
-                return Err(Fault::malformed(place, "has more than one parent, allowed is one"));
+/// Every node with its transform at rest, parents before their children.
+pub(super) struct Nodes {
+    at_rest: Vec<Transform>,
+    /// A node and its parent.
+    order: Vec<(usize, Option<usize>)>,
+}
+
+impl Nodes {
+    /// # Errors
+    /// A node with two parents, or that is its own ancestor: the format wants a forest.
+    pub fn read(document: &Document) -> Result<Self, Fault> {
+        let count = document.nodes().len();
+        let mut parents: Vec<Option<usize>> = vec![None; count];
+        for node in document.nodes() {
+            for child in node.children() {
+                if parents[child.index()].replace(node.index()).is_some() {
+                    let place = format!("node {}", child.index());
+                    return Err(Fault::malformed(place, "has more than one parent, allowed is one"));
+                }
             }
         }
+        let mut order = Vec::with_capacity(count);
+        let mut pending: Vec<_> = document.nodes().filter(|node| parents[node.index()].is_none()).collect();
+        while let Some(node) = pending.pop() {
+            order.push((node.index(), parents[node.index()]));
+            pending.extend(node.children());
+        }
+        // One parent each, and not reached from above: a ring.
+        if order.len() < count {
+            return Err(Fault::malformed("nodes", "a node is its own ancestor, allowed are trees"));
+        }
+        Ok(Self { at_rest: document.nodes().map(|node| node.transform()).collect(), order })
     }
-    let mut world: Vec<Mat4> = vec![Mat4::IDENTITY; count];
-    let mut done = 0;
-    let mut pending: Vec<_> = document.nodes().filter(|node| parents[node.index()].is_none()).collect();
-    while let Some(node) = pending.pop() {
-        done += 1;
-        let parent = parents[node.index()].map_or(Mat4::IDENTITY, |parent| world[parent]);
-        world[node.index()] = parent * parent_from_node(&node.transform());
-        pending.extend(node.children());
+
+    /// `parent_from_node` of every node at rest, as the file has it.
+    pub fn at_rest(&self) -> &[Transform] {
+        &self.at_rest
     }
-    // One parent each, and not reached from above: a ring.
-    if done < count {
-        return Err(Fault::malformed("nodes", "a node is its own ancestor, allowed are trees"));
+
+    /// `world_from_node` of every node, from such transforms.
+    pub fn world_from_nodes(&self, transforms: &[Transform]) -> Vec<Mat4> {
+        let mut world = vec![Mat4::IDENTITY; transforms.len()];
+        for &(node, parent) in &self.order {
+            let world_from_parent = parent.map_or(Mat4::IDENTITY, |parent| world[parent]);
+            world[node] = world_from_parent * parent_from_node(&transforms[node]);
+        }
+        world
     }
-    Ok(world)
 }
 
 fn parent_from_node(transform: &Transform) -> Mat4 {

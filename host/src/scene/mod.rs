@@ -2,17 +2,21 @@
 //!
 //! A [`Scene`] is geometry as the file has it, in world space (right-handed, +y up, +z to the front of the display, the
 //! origin at the mirror's centre). [`shade`] lights it and gives the renderer what it consumes: a [`ShadedScene`].
-//! Nothing a file holds makes the loader panic, and what a file promises is compared with what it holds before memory is
+//! [`Animated`] has the scenes that a file's clips go through. Nothing a file holds makes the loader panic, and what a file promises is compared with what it holds before memory is
 //! reserved for it. (A picture may unpack to 512 MiB; instances in glTF multiply, up to [`TRIANGLES_MAX`].)
 
+mod animated;
 mod assembly;
 mod builtin;
 mod error;
 mod files;
 mod gltf;
 mod gltf_accessor;
+mod gltf_clip;
 mod gltf_material;
+mod gltf_model;
 mod gltf_nodes;
+mod gltf_shape;
 mod lines;
 mod mtl;
 mod obj;
@@ -22,7 +26,11 @@ mod solids;
 mod texture;
 
 #[cfg(test)]
+mod tests_animated;
+#[cfg(test)]
 mod tests_builtin;
+#[cfg(test)]
+mod tests_clips;
 #[cfg(test)]
 mod tests_files;
 #[cfg(test)]
@@ -35,9 +43,12 @@ mod tests_mutation;
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::{DVec3, Quat, Vec2, Vec3};
+use animated::Fit;
+use glam::{Quat, Vec2, Vec3};
 
+pub use animated::Animated;
 pub use error::{Fault, SceneError};
+pub use gltf_clip::Clip;
 pub use raster::Wrap;
 pub use shade::{ShadedScene, ShadedTriangle, Shading, lambert, light, luminance, shade};
 pub use texture::{Texture, linear_from_srgb};
@@ -118,11 +129,7 @@ impl Scene {
             Some("knot-70k") => return Ok(builtin::knot("knot-70k", [480, 74])),
             _ => {}
         }
-        // The parsers of glTF, PLY, PNG and JPEG are not ours. We check what they rely on and know of no input that
-        // makes them panic; this turns the one we have not met into an error.
-        std::panic::catch_unwind(|| Self::load_file(path))
-            .unwrap_or_else(|_| Err(Fault::malformed("file", "its parser failed")))
-            .map_err(|fault| SceneError::new(path, fault))
+        guarded(path, || Self::load_file(path))
     }
 
     fn load_file(path: &Path) -> Result<Self, Fault> {
@@ -137,7 +144,7 @@ impl Scene {
             "ply" => ply::parse(&bytes),
             _ => gltf::parse(&bytes, &files::Folder(folder)),
         }?;
-        scene.name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        scene.name = name_of(path);
         Ok(scene)
     }
 
@@ -162,17 +169,8 @@ impl Scene {
     /// # Panics
     /// If `extent_m` is not a positive finite number: the edge has to check what people enter.
     pub fn fit(&mut self, extent_m: f32) {
-        assert!(extent_m.is_finite() && extent_m > 0.0, "extent {extent_m} m, allowed are positive finite numbers");
-        if self.triangles.is_empty() {
-            return;
-        }
-        // In f64: a small object far from the origin keeps its digits.
-        let (low, high): (DVec3, DVec3) = (self.bounds().0.into(), self.bounds().1.into());
-        let centre = (low + high) / 2.0;
-        let scale = f64::from(extent_m) / (high - low).max_element();
-        for position in &mut self.positions {
-            *position = ((DVec3::from(*position) - centre) * scale).as_vec3();
-        }
+        let (low, high) = self.bounds();
+        Fit::new((low.into(), high.into()), extent_m).apply(self);
     }
 
     /// The same, turned counter-clockwise by `degrees` about the vertical axis.
@@ -191,4 +189,17 @@ impl Scene {
     pub fn material_of(&self, index: usize) -> &Material {
         &self.materials[self.triangle_materials[index] as usize]
     }
+}
+
+/// What `read` makes of the file at `path`. The parsers of glTF, PLY, PNG and JPEG are not ours. We check what they rely on and know of no input
+/// that makes them panic; this turns the one we have not met into an error.
+fn guarded<T>(path: &Path, read: impl FnOnce() -> Result<T, Fault> + std::panic::UnwindSafe) -> Result<T, SceneError> {
+    std::panic::catch_unwind(read)
+        .unwrap_or_else(|_| Err(Fault::malformed("file", "its parser failed")))
+        .map_err(|fault| SceneError::new(path, fault))
+}
+
+/// The file's name without its folder and ending.
+fn name_of(path: &Path) -> String {
+    path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }

@@ -1,7 +1,7 @@
 //! The built-in scene, and the meshes that are not part of this repository, where they are at hand.
 
 use std::collections::HashMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec3};
 
@@ -105,11 +105,20 @@ fn builtin_differs_from_side_to_side() {
     assert!(different.iter().all(|d| *d > scene.positions.len() / 10), "{different:?}");
 }
 
+/// A file of the data folder that is not part of the project; says so where it is missing.
+pub fn shared(path: &str) -> Option<PathBuf> {
+    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
+    let file = std::env::var_os("PRAXI_SHARED").map_or(default, PathBuf::from).join("data").join(path);
+    if !file.is_file() {
+        println!("skipped: {} is missing", file.display());
+        return None;
+    }
+    Some(file)
+}
+
 /// Triangles, and whether there are textures, of files that are too large for this repository.
 #[test]
 fn known_meshes_load() {
-    let data = std::env::var_os("PRAXI_SHARED")
-        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
     for (file, triangles, textured) in [
         ("meshes/stanford-bunny.obj", 69_451, false),
         ("meshes/teapot.obj", 6_320, false),
@@ -118,11 +127,7 @@ fn known_meshes_load() {
         ("gltf/cakeBirthday.glb", 1_331, false),
         ("gltf/FlightHelmet/FlightHelmet.gltf", 94_722, true),
     ] {
-        let path = data.join(file);
-        if !path.is_file() {
-            println!("skipped: {} is not there (set PRAXI_SHARED)", path.display());
-            continue;
-        }
+        let Some(path) = shared(file) else { continue };
         let mut scene = Scene::load(&path).unwrap();
         assert_eq!(scene.triangles.len(), triangles, "{file}");
         assert_eq!(scene.materials.iter().any(|m| m.texture.is_some()), textured, "{file}");

@@ -1,5 +1,6 @@
 //! Small glTF files made in memory, and files beside them.
 
+use glam::{Mat4, Quat, vec3};
 use serde_json::{Value, json};
 
 use super::Fault;
@@ -7,6 +8,7 @@ use super::files::Resources;
 
 /// Component types by their numbers in the format.
 pub const U8: u32 = 5121;
+pub const I16: u32 = 5122;
 pub const U16: u32 = 5123;
 pub const U32: u32 = 5125;
 pub const F32: u32 = 5126;
@@ -152,5 +154,54 @@ pub fn everything() -> Fixture {
     f.push("nodes", json!({"mesh": 0, "children": [0], "translation": [0.0, 0.0, 1.0]}));
     f.push("scenes", json!({"nodes": [1, 2]}));
     f.json["scene"] = json!(0);
+    f
+}
+
+/// Lets `animation` move `path` of `node`: `values` at `times`.
+pub fn animate(
+    f: &mut Fixture,
+    [animation, node]: [usize; 2],
+    path: &str,
+    interpolation: &str,
+    times: &[f32],
+    values: &[f32],
+) {
+    let kind = match path {
+        "rotation" => "VEC4",
+        "weights" => "SCALAR",
+        _ => "VEC3",
+    };
+    let (input, output) = (f.floats(times, "SCALAR"), f.floats(values, kind));
+    if f.json["animations"][animation].is_null() {
+        f.push("animations", json!({"channels": [], "samplers": []}));
+    }
+    let animation = &mut f.json["animations"][animation];
+    let samplers = animation["samplers"].as_array_mut().unwrap();
+    samplers.push(json!({"input": input, "output": output, "interpolation": interpolation}));
+    let sampler = samplers.len() - 1;
+    let channel = json!({"sampler": sampler, "target": {"node": node, "path": path}});
+    animation["channels"].as_array_mut().unwrap().push(channel);
+}
+
+/// Two bones, one above the other, in a skin of one triangle, which hangs on the lower, on both, and on the upper bone; in a second the upper
+/// bone turns by a quarter to the left.
+pub fn bent() -> Fixture {
+    let mut f = Fixture::new();
+    let positions = f.floats(&[1., 0.5, 0., 0., 1.5, 0., 0., 2., 0.], "VEC3");
+    let normals = f.floats(&[0., 1., 0.].repeat(3), "VEC3");
+    let joints = f.accessor(&[0, 0, 0, 0, 0, 1, 0, 0, 1, 0, 0, 0], U8, "VEC4", 3);
+    f.json["accessors"][joints]["normalized"] = json!(false);
+    let weights = f.floats(&[1., 0., 0., 0., 0.5, 0.5, 0., 0., 1., 0., 0., 0.], "VEC4");
+    let down = Mat4::from_translation(vec3(0.0, -1.0, 0.0)).to_cols_array();
+    let binds = f.floats(&[Mat4::IDENTITY.to_cols_array(), down].concat(), "MAT4");
+    let attributes = json!({"POSITION": positions, "NORMAL": normals, "JOINTS_0": joints, "WEIGHTS_0": weights});
+    let node = f.mesh_node(json!({"attributes": attributes}), json!({"skin": 0}));
+    let lower = f.push("nodes", json!({"children": [2]}));
+    let upper = f.push("nodes", json!({"translation": [0.0, 1.0, 0.0]}));
+    f.push("skins", json!({"joints": [lower, upper], "inverseBindMatrices": binds}));
+    f.push("scenes", json!({"nodes": [node, lower]}));
+    let quarter = Quat::from_rotation_z(std::f32::consts::FRAC_PI_2);
+    let values = [Quat::IDENTITY.to_array(), quarter.to_array()].concat();
+    animate(&mut f, [0, upper], "rotation", "LINEAR", &[0.0, 1.0], &values);
     f
 }

@@ -1,10 +1,11 @@
 //! Broken files give errors and never panic. The parsers are called directly: [`Scene::load`] would hide a panic.
 
 use proptest::prelude::*;
+use serde_json::json;
 
 use super::tests_files::{CUBE_OBJ, TRIANGLE_PLY, square_little};
-use super::tests_gltf_fixture::{Memory, everything, picture};
-use super::{Fault, Scene, Shading, gltf, mtl, obj, ply, shade};
+use super::tests_gltf_fixture::{Fixture, Memory, animate, bent, everything, picture};
+use super::{Fault, Scene, Shading, animated, gltf, mtl, obj, ply, shade};
 
 const OBJ: &str = "mtllib m.mtl\nv 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nv 1 1 0\nvt 0 0.5\nvn 0 0 1
 usemtl red\nf 1/1/1 2/1/1 -2/-1/-1\nf 1//1 2//1 4//1 3//1\n";
@@ -16,12 +17,35 @@ fn beside() -> Memory {
     Memory(vec![("m.mtl", MTL.into()), ("p.png", picture())])
 }
 
+/// Two bones, a target to morph to, and every way to get from one keyframe to the next.
+fn moving() -> Fixture {
+    let mut f = bent();
+    let target = f.floats(&[1.0; 9], "VEC3");
+    f.json["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": target, "NORMAL": target}]);
+    animate(&mut f, [0, 0], "weights", "CUBICSPLINE", &[0.0, 1.0], &[0.0, 0.0, 1.0, 0.5, 1.0, 0.0]);
+    animate(&mut f, [1, 1], "scale", "STEP", &[0.0, 0.5], &[1.0, 1.0, 1.0, 2.0, 2.0, 2.0]);
+    animate(&mut f, [1, 2], "translation", "LINEAR", &[0.0, 0.5], &[0.0; 6]);
+    f
+}
+
+/// The last moment that can be had of it.
+fn parse_moving(bytes: &[u8]) -> Result<Scene, Fault> {
+    let (mut scene, model, clips) = animated::read(bytes, &beside())?;
+    for clip in &clips {
+        for part in [0.0, 0.3, 0.7, 1.0] {
+            scene = animated::posed(&model, clip, part * clip.seconds)?;
+        }
+    }
+    Ok(scene)
+}
+
 /// Every kind of file, whole and sound, with its parser.
 fn samples() -> Vec<(Vec<u8>, Parser)> {
     let parse_gltf: Parser = |bytes| gltf::parse(bytes, &beside());
     let parse_obj: Parser = |bytes| obj::parse(bytes, &beside());
     vec![
         (everything().glb(), parse_gltf),
+        (moving().glb(), parse_moving),
         (OBJ.into(), parse_obj),
         (CUBE_OBJ.into(), parse_obj),
         (TRIANGLE_PLY.into(), ply::parse),
@@ -87,7 +111,7 @@ proptest! {
 
     #[test]
     fn several_changes_are_survived(
-        sample in 0_usize..5,
+        sample in 0_usize..6,
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0..4), 1..8),
     ) {
         let (mut bytes, parse) = samples().swap_remove(sample);
