@@ -22,7 +22,7 @@ use protocol::units::Nanos;
 use serde::{Deserialize, Serialize};
 
 /// Counts up where requests or answers change.
-pub const VERSION: u16 = 3;
+pub const VERSION: u16 = 4;
 
 /// The most bytes of the host in one request.
 pub const HOST_BYTES_MAX: usize = 512;
@@ -103,6 +103,8 @@ pub enum Answer {
         said: Said,
         /// What the controller answered, if it was asked.
         output: Option<Output>,
+        /// How long it took, as for a step.
+        ticks: u32,
     },
     /// What the host is told, if it has said hello.
     Said(Said),
@@ -160,11 +162,13 @@ impl<M: Memory + Default> Session<M> {
             (&Request::Host { now, bytes }, Some(running)) => {
                 running.now = now;
                 let mut left = bytes;
-                let (said, output) = self.hear(&mut left).unwrap_or_default();
+                let (heard, ticks) = gauge.count(|| self.hear(&mut left));
+                let (said, output) = heard.unwrap_or_default();
                 Answer::Heard {
                     taken: bytes.len().saturating_sub(left.len()) as u16,
                     said: said_by([Some(said), None]),
                     output,
+                    ticks,
                 }
             }
             (Request::Report, Some(_)) => Answer::Said(self.report()),

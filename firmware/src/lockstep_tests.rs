@@ -64,7 +64,7 @@ fn ask<'a>(
     // What follows a packet is left.
     frame[length] = 9;
     let answer = session.answer(&Request::Host { now, bytes: &frame[..length + 1] }, &mut NoGauge);
-    let Answer::Heard { taken, said, output } = answer else { panic!("{answer:?}") };
+    let Answer::Heard { taken, said, output, .. } = answer else { panic!("{answer:?}") };
     assert_eq!(usize::from(taken), length);
     let mut decoder = Decoder::<ANSWER_BYTES_MAX>::new();
     let packet = decoder.next(&mut &said[..]).unwrap().unwrap();
@@ -172,7 +172,10 @@ fn the_longest_messages_fit_a_frame() {
     assert_eq!(begin.len(), 142);
     assert!(write(255, &Request::Host { now: at, bytes: &[255; HOST_BYTES_MAX] }, &mut frame).is_some());
     let said = Said::from_slice(&[255; 2 * ANSWER_BYTES_MAX]).unwrap();
-    assert!(write(255, &Answer::Heard { taken: u16::MAX, said, output: Some(output) }, &mut frame).is_some());
+    assert!(
+        write(255, &Answer::Heard { taken: u16::MAX, said, output: Some(output), ticks: u32::MAX }, &mut frame)
+            .is_some()
+    );
     assert!(write(255, &Answer::Stepped { output, ticks: u32::MAX }, &mut frame).is_some());
     assert!(write(255, &Request::Step { now: at, input: Input::PlanePulse { at } }, &mut frame).is_some());
     assert_eq!(read::<Answer>(&[3, 77]), None);

@@ -77,6 +77,19 @@ pub struct Image {
     failure: Option<ImageError>,
 }
 
+/// What the host's bytes came to.
+#[derive(Debug, Default)]
+pub struct Heard {
+    /// How many of them were read.
+    pub taken: usize,
+    /// What the host is told.
+    pub said: Said,
+    /// What the controller answered, if it was asked.
+    pub output: Option<Output>,
+    /// What it took.
+    pub instructions: u64,
+}
+
 #[derive(Debug)]
 struct Emulator(Child);
 
@@ -159,12 +172,13 @@ impl Image {
         }
     }
 
-    /// Gives the host's `bytes` to its end of the wire, up to the end of the first packet: how many were read, what the host is told, and what
-    /// the controller answered if it was asked.
-    pub fn hear(&mut self, now: Nanos, bytes: &[u8]) -> Result<(usize, Said, Option<Output>), ImageError> {
+    /// Gives the host's `bytes` to its end of the wire, up to the end of the first packet.
+    pub fn hear(&mut self, now: Nanos, bytes: &[u8]) -> Result<Heard, ImageError> {
         let bytes = bytes.get(..HOST_BYTES_MAX).unwrap_or(bytes);
         match self.ask(Request::Host { now, bytes })? {
-            Answer::Heard { taken, said, output } => Ok((taken.into(), said, output)),
+            Answer::Heard { taken, said, output, ticks } => {
+                Ok(Heard { taken: taken.into(), said, output, instructions: instructions(ticks) })
+            }
             answer => Err(other(&answer)),
         }
     }

@@ -1,4 +1,4 @@
-//! How small planes become on the wire, and how fast: the wire's own codings beside libraries', on turning scenes.
+//! How small planes become on the wire, and how fast: the wire's own codings beside libraries', on scenes that turn and move.
 
 use crate::halftoned::Halftoned;
 use crate::render::plan::{Halftone, Plan};
@@ -10,7 +10,11 @@ use cpu_time::ThreadTime;
 use protocol::codec::{ByteStatistics, Codebook, Compressor, Expander, Hint, ImageSize, Mask, plane_check};
 use protocol::rig::Rig;
 use serde::Serialize;
+use std::fmt;
 use std::time::Duration;
+
+/// What USB high speed moves, bytes a second.
+pub const USB_BYTES_A_SECOND: f64 = 40e6;
 
 /// Ways to compress a plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
@@ -44,6 +48,25 @@ impl Coding {
     }
 }
 
+/// What happens from turn to turn.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Motion {
+    /// The scene turns by so many degrees.
+    Degrees(f64),
+    /// A clip of this name goes on.
+    Clip(String),
+}
+
+impl fmt::Display for Motion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Degrees(degrees) => write!(f, "{degrees}°"),
+            Self::Clip(name) => f.write_str(name),
+        }
+    }
+}
+
 /// A way to compress on a scene.
 #[derive(Clone, Debug, Serialize)]
 pub struct Point {
@@ -51,12 +74,14 @@ pub struct Point {
     pub scene: String,
     /// How it was halftoned.
     pub halftone: Halftone,
-    /// By how much it turns from turn to turn, degrees.
-    pub degrees: f64,
+    /// What happens from turn to turn.
+    pub motion: Motion,
     /// The way.
     pub coding: Coding,
     /// Bytes of planes over bytes of their compressed form.
     pub ratio: f64,
+    /// Fresh turns a second that [`USB_BYTES_A_SECOND`] are.
+    pub turns_a_second: f64,
     /// Planes compressed, 10⁶ bytes of them in a second of one core.
     pub compress_mb_s: f64,
     /// Planes expanded and checked, the same.
@@ -66,25 +91,22 @@ pub struct Point {
 /// What is compressed.
 #[derive(Clone, Debug)]
 pub struct Job<'a> {
-    /// The scene, as large as it is to be.
-    pub scene: &'a Scene,
+    /// The scene at one turn and at the next, as large as it is to be.
+    pub scenes: &'a [Scene; 2],
+    /// What happened between them.
+    pub motion: &'a Motion,
     /// What shows it.
     pub rig: &'a Rig,
     /// How luminance becomes bits.
     pub halftone: Halftone,
-    /// By how much it turns from turn to turn, degrees.
-    pub degrees: f64,
 }
 
 impl Job<'_> {
     /// Renders two turns, and compresses the second, plane by plane, in every way; each gives the planes back.
     pub fn measure(&self, renderer: &dyn Renderer) -> Result<Vec<Point>, RenderError> {
         let plan = Plan { halftone: self.halftone, ..Plan::default() };
-        let turn = |degrees: f64| {
-            let lit = shade(&self.scene.turned(degrees as f32), Shading::Lambert, false);
-            renderer.render_turn(&lit, self.rig, &plan, &|| ())
-        };
-        let turns = [turn(0.0)?, turn(self.degrees)?];
+        let turn = |scene| renderer.render_turn(&shade(scene, Shading::Lambert, false), self.rig, &plan, &|| ());
+        let turns = [turn(&self.scenes[0])?, turn(&self.scenes[1])?];
         Ok(Coding::ALL.map(|coding| self.point(coding, &turns)).into())
     }
 
@@ -109,11 +131,12 @@ impl Job<'_> {
         let raw = f64::from(turn.slices()) * expanded.len() as f64;
         let [compress_mb_s, expand_mb_s] = times.map(|time| raw / 1e6 / time.as_secs_f64());
         Point {
-            scene: self.scene.name.clone(),
+            scene: self.scenes[0].name.clone(),
             halftone: self.halftone,
-            degrees: self.degrees,
+            motion: self.motion.clone(),
             coding,
             ratio: raw / bytes as f64,
+            turns_a_second: USB_BYTES_A_SECOND / bytes as f64,
             compress_mb_s,
             expand_mb_s,
         }

@@ -40,10 +40,10 @@ impl Endpoint for Bench {
         let mut rest = bytes;
         while !rest.is_empty() {
             let now = self.world.controller_time();
-            let Some((taken, said, output)) = self.image.try_get(|image| image.hear(now, rest)) else { break };
-            self.said.extend_from_slice(&said);
-            rest = rest.get(taken..).unwrap_or_default();
-            if let Some(output) = output {
+            let Some(heard) = self.image.try_get(|image| image.hear(now, rest)) else { break };
+            self.said.extend_from_slice(&heard.said);
+            rest = rest.get(heard.taken..).unwrap_or_default();
+            if let Some(output) = heard.output {
                 self.world.obey_now(output);
             }
         }

@@ -1,5 +1,6 @@
 //! What the image costs, and what it may cost: the table in `firmware/README.md`.
 
+use super::planes;
 use hil_sim::image::SharedImage;
 use hil_sim::image::costs::KINDS;
 use std::fs;
@@ -14,6 +15,9 @@ const STACK_BYTES: u64 = 12 * 1024;
 const FLASH_BYTES: u64 = 144 * 1024;
 /// The longest packet, of 16 KiB, is checked before it is believed; a plane that expands takes 3 KiB.
 const RAM_BYTES: u64 = 24 * 1024;
+
+/// What expanding a plane may take; see [`planes`](crate::planes).
+const EXPANDING_INSTRUCTIONS: [u64; planes::KINDS.len()] = [1_000_000, 2_000_000, 3_000_000];
 
 /// Where the machine's RAM begins.
 const RAM: u32 = 0x2000_0000;
@@ -30,8 +34,12 @@ struct Line {
 pub struct Budget(Vec<Line>);
 
 impl Budget {
-    /// Asks `images`, which run the file `elf`.
-    pub fn of<'a>(images: impl Iterator<Item = &'a SharedImage>, elf: &Path) -> Self {
+    /// Asks `images`, which run the file `elf` and take `expanding` instructions for a plane of each of [`planes::KINDS`].
+    pub fn of<'a>(
+        images: impl Iterator<Item = &'a SharedImage>,
+        elf: &Path,
+        expanding: [u64; planes::KINDS.len()],
+    ) -> Self {
         let (mut kinds, mut plane, mut stack) = ([0; KINDS.len()], 0, 0);
         for image in images {
             let mut image = image.lock();
@@ -57,7 +65,11 @@ impl Budget {
             ("flash".to_owned(), flash, "bytes", Some(FLASH_BYTES)),
             ("RAM without the stack".to_owned(), ram, "bytes", Some(RAM_BYTES)),
         ];
-        Self(steps.chain(rest).map(|(what, value, unit, most)| Line { what, value, unit, most }).collect())
+        let expanding = planes::KINDS.iter().zip(expanding).zip(EXPANDING_INSTRUCTIONS).map(|((kind, value), most)| {
+            (format!("a plane of 768 x 768 pixels: {kind}"), value, "instructions", Some(most))
+        });
+        let lines = steps.chain(rest).chain(expanding);
+        Self(lines.map(|(what, value, unit, most)| Line { what, value, unit, most }).collect())
     }
 
     /// Whether nothing exceeds what is allowed.

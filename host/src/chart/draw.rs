@@ -82,7 +82,7 @@ where
         |title: &str, across, marks| Scatter { title: title.into(), across, up: "PSNR seen, dB", error: false, marks };
     let by_time = seen("Halftones by time", "time for a turn, ratio to Bayer", halftones(chart, |point| point.ratio));
     by_time.paint(&left)?;
-    seen("and by size", "MB a turn by zstd -1", halftones(chart, |point| point.zstd_bytes / 1e6)).paint(&right)?;
+    seen("and by size", "MB a turn on the wire", halftones(chart, |point| point.wire_bytes / 1e6)).paint(&right)?;
     by_time.paint_key(&key)?;
 
     let rows = jobs(chart).len().div_ceil(3);

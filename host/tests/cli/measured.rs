@@ -78,4 +78,5 @@ fn planes_of_a_mask_are_small_enough_for_usb() {
     desk.refuses("wire-chart builtin --halftone grey --out wire", &["--halftone grey", "blue-noise"]);
     desk.refuses("wire-chart builtin --degrees nan --out wire", &["--degrees", "finite"]);
     desk.refuses("wire-chart nosuch.obj --out wire", &["nosuch.obj"]);
+    desk.refuses("wire-chart builtin --clip Walk --out wire", &["--clip Walk", "no scene has a clip"]);
 }

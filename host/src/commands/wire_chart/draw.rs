@@ -1,6 +1,6 @@
 //! The wire's chart as a picture: SVG for print, PNG for the screen, the same in both.
 
-use super::{NEEDED, WireChart, cases};
+use super::{NEEDED, WireChart, by_case};
 use crate::sheet::axis::{Axis, axes};
 use crate::sheet::{self, Drawing, ink};
 use crate::wire_chart::{Coding, Point};
@@ -22,6 +22,8 @@ const COLOURS: [RGBColor; 5] = [
     RGBColor(130, 220, 130),
     RGBColor(210, 140, 240),
 ];
+/// Bars end here: the difference between two turns of what stands still is next to nothing.
+const RATIO_MAX: f64 = 200.0;
 const LIMIT: RGBColor = RGBColor(240, 110, 110);
 
 /// The chart as SVG.
@@ -53,15 +55,18 @@ where
     B::ErrorType: 'static,
 {
     let (plot, names) = area.split_vertically(BARS_PX - NAMES_PX as u32);
-    let groups = cases(&chart.points).count();
-    let most = chart.points.iter().map(|point| point.ratio).fold(NEEDED, f64::max);
+    let groups = by_case(&chart.points).count();
+    let most = chart.points.iter().map(|point| point.ratio).fold(NEEDED, f64::max).min(RATIO_MAX);
     let heights = Axis::around([1.0, most].into_iter(), true);
-    let title = "Bytes of planes over bytes on the wire, by scene, halftone and degrees from turn to turn";
+    let title = "Bytes of planes over bytes on the wire, by scene, halftone and motion from turn to turn (cut at 200)";
     let mut drawing = axes(&plot, title, ("", Axis::of_bars(groups)), ("ratio", heights))?;
-    for (place, case) in cases(&chart.points).enumerate() {
+    for (place, case) in by_case(&chart.points).enumerate() {
         for (bar, (point, colour)) in case.iter().zip(COLOURS).enumerate() {
             let left = place as f64 + 0.08 + 0.168 * bar as f64;
-            drawing.draw_series([Rectangle::new([(left, 1.0), (left + 0.15, point.ratio)], colour.filled())])?;
+            drawing.draw_series([Rectangle::new(
+                [(left, 1.0), (left + 0.15, point.ratio.min(RATIO_MAX))],
+                colour.filled(),
+            )])?;
         }
     }
     let across = [(0.0, NEEDED), (groups as f64, NEEDED)];
@@ -70,9 +75,9 @@ where
     let step = f64::from(ends[1] - ends[0]) / groups.max(1) as f64;
     let middle = |place: f64| ends[0] + (step * (place + 0.5)) as i32;
     let upright = ink(13).transform(FontTransform::Rotate90);
-    let firsts: Vec<&Point> = cases(&chart.points).filter_map(|case| case.first()).collect();
+    let firsts: Vec<&Point> = by_case(&chart.points).filter_map(|case| case.first()).collect();
     for (place, first) in firsts.iter().enumerate() {
-        let name = format!("{}, {}°", first.halftone, first.degrees);
+        let name = format!("{}, {}", first.halftone, first.motion);
         names.draw(&Text::new(name, (middle(place as f64) + 7, 2), upright.clone()))?;
     }
     let mut start = 0;
@@ -99,10 +104,11 @@ where
     B::ErrorType: 'static,
 {
     let across = ("MB of planes a second of one core", Axis::around(chart.points.iter().map(of), true));
-    let up = ("ratio", Axis::around(chart.points.iter().map(|point| point.ratio), true));
+    let drawn = || chart.points.iter().filter(|point| point.ratio <= RATIO_MAX);
+    let up = ("ratio", Axis::around(drawn().map(|point| point.ratio), true));
     let mut drawing = axes(area, title, across, up)?;
     for (coding, colour) in Coding::ALL.into_iter().zip(COLOURS) {
-        let points = chart.points.iter().filter(|point| point.coding == coding);
+        let points = drawn().filter(|point| point.coding == coding);
         drawing.draw_series(points.map(|point| Circle::new((of(point), point.ratio), 4, colour.filled())))?;
     }
     Ok(())
