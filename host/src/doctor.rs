@@ -260,7 +260,7 @@ fn turns(bytes_per_second: Option<f64>, is_measured: bool, rig: &Rig) -> Finding
     let check = "turns";
     let wanted = rig.turns_per_second();
     let Some(bytes_per_second) = bytes_per_second else {
-        return Finding::new(check, Verdict::Ok, format!("all of rig {}'s {wanted:.1} a second", rig.name));
+        return Finding::new(check, Verdict::Ok, format!("all; rig {} shows {wanted:.1}/s", rig.name));
     };
     let projector = &rig.projector;
     let turn_bytes =

@@ -36,7 +36,10 @@ pub(super) fn serve(simulator: Simulator, baud: u32, as_json: bool) -> Result<()
     let (start, mut pump) = (Instant::now(), Pump::new());
     loop {
         let had_host = terminal.has_host;
-        let Ok(()) = pump.catch_up(start.elapsed(), &mut line, |line| Ok::<_, Infallible>(terminal.exchange(line)));
+        let Ok(()) = pump.catch_up(start.elapsed(), &mut line, |line| {
+            terminal.exchange(line);
+            Ok::<_, Infallible>(())
+        });
         match (had_host, terminal.has_host) {
             (false, true) => tell(format!("a host opened {path}"), json!({ "event": "opened" })),
             (true, false) => {
