@@ -77,7 +77,8 @@ impl Lane {
     }
 }
 
-/// `endpoint` at the end of a line. What it says waits at its end of the line if there is room, and is not asked for before.
+/// An endpoint at the end of a line. It is asked for what it has to say when the line to the host is free, so that its reports do not queue up on
+/// a slow one.
 #[derive(Debug)]
 pub struct Paced<E> {
     endpoint: E,
@@ -121,9 +122,9 @@ impl<E: Endpoint> Paced<E> {
         (self.to_device.traffic, self.to_host.traffic) = (Traffic::default(), Traffic::default());
     }
 
-    /// Bytes for the host that the device is asked for as the line has room for them.
+    /// Asks the device for bytes where the line to the host is free.
     fn listen(&mut self) {
-        if self.said.is_empty() {
+        if self.said.is_empty() && self.to_host.waiting.is_empty() {
             self.said = self.endpoint.transmit();
         }
         let fits = self.said.len().min(self.to_host.room(self.pace));
@@ -267,6 +268,29 @@ mod tests {
     fn rates_are_those_of_a_start_and_a_stop_bit() {
         assert_eq!(Pace::serial(115_200).bytes_per_second, 11_520.0);
         assert_eq!(Pace::serial(0).bytes_per_second, 0.1);
+    }
+
+    /// Says one byte whenever it is asked.
+    struct Chatter(usize);
+
+    impl Endpoint for Chatter {
+        fn receive(&mut self, bytes: &[u8]) -> usize {
+            bytes.len()
+        }
+
+        fn transmit(&mut self) -> Vec<u8> {
+            self.0 += 1;
+            vec![0]
+        }
+
+        fn advance(&mut self, _seconds: f64) {}
+    }
+
+    #[test]
+    fn reports_do_not_queue_up() {
+        let mut line = Paced::new(Chatter(0), Pace { bytes_per_second: 10.0, buffer_bytes: 4096 });
+        (0..1_000).for_each(|_| line.advance(0.001));
+        assert!((9..=11).contains(&line.transmit().len()) && line.endpoint().0 <= 11, "{}", line.endpoint().0);
     }
 
     proptest! {

@@ -4,6 +4,7 @@ pub mod bake;
 pub mod bench;
 pub mod chart;
 pub mod commands;
+pub mod doctor;
 pub mod flash;
 pub mod halftoned;
 pub mod input;

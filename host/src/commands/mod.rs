@@ -6,6 +6,8 @@ mod bench;
 mod chart;
 mod compare;
 mod demo;
+mod devices;
+mod doctor;
 mod flash;
 mod image;
 mod lock_chart;
@@ -53,6 +55,8 @@ enum Command {
     Tune(tune::Args),
     Image(image::Args),
     Flash(flash::Args),
+    Devices(devices::Args),
+    Doctor(doctor::Args),
 }
 
 /// What is printed on one line before exit code 2: what, where, what is allowed.
@@ -94,6 +98,8 @@ pub fn main() -> ExitCode {
         Command::Tune(args) => tune::run(&args),
         Command::Image(args) => image::run(&args),
         Command::Flash(args) => flash::run(&args),
+        Command::Devices(args) => devices::run(&args),
+        Command::Doctor(args) => doctor::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -144,6 +150,23 @@ fn say(text: impl Display) {
 
 fn say_json(value: &serde_json::Value) {
     say(format!("{value:#}"));
+}
+
+/// `text` beside `head`, its words in lines of at most 80 characters below each other. A word is never broken.
+fn hanging(head: &str, text: &str) -> String {
+    const COLUMNS: usize = 80;
+    let indent = head.chars().count();
+    let mut lines = vec![head.to_string()];
+    for word in text.split_whitespace() {
+        let column = lines.last().map_or(0, |line| line.chars().count());
+        if column + 1 + word.chars().count() > COLUMNS && column > indent {
+            lines.push(" ".repeat(indent));
+        }
+        let line = lines.last_mut().expect("there is one");
+        line.push_str(if line.chars().count() > indent { " " } else { "" });
+        line.push_str(word);
+    }
+    lines.join("\n")
 }
 
 fn warn(message: impl Display) {

@@ -252,3 +252,64 @@ impl Simulated {
         Ok(SimConnect::new(Shared::new(endpoint), self.clock, pace.map(|pace| pace.bytes_per_second)))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stream::Stream;
+    use protocol::codec::ImageSize;
+    use protocol::message::Command;
+
+    const RIG: &str = include_str!("../../rigs/reference.toml");
+
+    fn simulated(clock: Clock) -> Simulated {
+        Simulated { rig: Rig::parse(RIG).unwrap(), seed: 1, clock }
+    }
+
+    #[test]
+    fn a_simulated_device_lives_on_between_links() {
+        let size = ImageSize::new(64, 48).unwrap();
+        for cable in [Cable::None, Cable::Usb, Cable::Serial(3_000_000)] {
+            let Simulated { rig, .. } = simulated(Clock::Simulated);
+            let mut way = simulated(Clock::Simulated).connect_by(cable).unwrap();
+            let mut stream = Stream::new(way.connect().unwrap(), &rig.rotation(), size).unwrap();
+            stream.command(Command::Start).unwrap();
+            let until = stream.link().now() + Duration::from_secs(1);
+            while stream.link().now() < until {
+                stream.poll(Duration::from_millis(100)).unwrap();
+            }
+            let (left_at, speed) = (stream.link().now(), stream.status().unwrap().speed_microhertz);
+            assert!(speed > 100_000, "{cable:?}: {speed}");
+            drop(stream);
+            let link = way.connect().unwrap();
+            assert_eq!(link.now(), left_at, "{cable:?}");
+            let mut stream = Stream::new(link, &rig.rotation(), size).unwrap();
+            let status = loop {
+                if let Some(status) = stream.poll(Duration::from_millis(20)).unwrap() {
+                    break status;
+                }
+            };
+            assert!(status.speed_microhertz >= speed, "{cable:?}: {status:?}");
+        }
+    }
+
+    #[test]
+    fn a_paced_device_says_its_rate() {
+        let rate = |cable| simulated(Clock::Simulated).connect_by(cable).unwrap().connect().unwrap().bytes_per_second();
+        let cables = [Cable::None, Cable::Usb, Cable::Serial(9_600)];
+        assert_eq!(cables.map(rate), [None, Some(45e6), Some(960.0)]);
+    }
+
+    #[test]
+    fn by_the_wall_simulated_time_is_never_ahead() {
+        let mut way = simulated(Clock::Wall).connect_by(Cable::None).unwrap();
+        let start = Instant::now();
+        let mut link = way.connect().unwrap();
+        for _ in 0..20 {
+            let before = link.now();
+            link.receive(&mut Vec::new(), Duration::from_millis(3)).unwrap();
+            assert!(link.now() >= before + Duration::from_millis(3));
+            assert!(link.now() <= start.elapsed(), "{:?}", link.now());
+        }
+    }
+}

@@ -3,6 +3,8 @@
 mod arguments;
 mod bake;
 mod desk;
+#[cfg(unix)]
+mod devices;
 mod measured;
 mod plan;
 mod render;

@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 use std::convert::Infallible;
 use std::fs::File;
 use std::io::{self, ErrorKind, Read, Write};
+use std::os::unix::fs::OpenOptionsExt;
 use std::time::Instant;
 
 /// What waits for a host that does not read: as much as Linux keeps for a terminal. The rest is lost, as on any serial line.
@@ -35,7 +36,10 @@ pub(super) fn serve(simulator: Simulator, baud: u32, as_json: bool) -> Result<()
     let (start, mut pump) = (Instant::now(), Pump::new());
     loop {
         let had_host = terminal.has_host;
-        let Ok(()) = pump.catch_up(start.elapsed(), &mut line, |line| Ok::<_, Infallible>(terminal.exchange(line)));
+        let Ok(()) = pump.catch_up(start.elapsed(), &mut line, |line| {
+            terminal.exchange(line);
+            Ok::<_, Infallible>(())
+        });
         match (had_host, terminal.has_host) {
             (false, true) => tell(format!("a host opened {path}"), json!({ "event": "opened" })),
             (true, false) => {
@@ -87,7 +91,8 @@ impl Terminal {
         unlockpt(&master)?;
         let path = ptsname(&master, Vec::new())?.to_string_lossy().into_owned();
         // Raw, so that nothing is echoed before a host sets its port up. Opened and closed once, the other end counts as closed from then on.
-        let other = File::options().read(true).write(true).open(&path)?;
+        let flags = OFlags::NOCTTY.bits() as i32;
+        let other = File::options().read(true).write(true).custom_flags(flags).open(&path)?;
         let mut settings = tcgetattr(&other)?;
         settings.make_raw();
         tcsetattr(&other, OptionalActions::Now, &settings)?;
@@ -113,8 +118,10 @@ impl Terminal {
         if !self.has_host {
             self.unread.clear();
         }
-        let written = self.master.write(&self.unread).unwrap_or(0);
-        self.unread.drain(..written);
-        self.unread.truncate(UNREAD_MAX);
+        if !self.unread.is_empty() {
+            let written = self.master.write(&self.unread).unwrap_or(0);
+            self.unread.drain(..written);
+            self.unread.truncate(UNREAD_MAX);
+        }
     }
 }

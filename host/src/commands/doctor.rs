@@ -1,0 +1,121 @@
+//! `praxi doctor`: whether a device can be talked to, how well, and what to do where it cannot.
+
+use super::args::seed;
+use super::devices::usb_devices;
+use super::{Failure, hanging, say, say_json};
+use crate::doctor::{Carrier, Finding, Verdict, examine};
+use crate::link::LinkError;
+use crate::link::address::Address;
+use crate::link::sim::{Clock, Simulated};
+use crate::rigs;
+use protocol::rig::Rig;
+use serde_json::json;
+
+/// Check the way to a device step by step, and say what to do where something is wrong
+#[derive(clap::Args)]
+#[command(after_help = "Example: praxi doctor --device /dev/ttyUSB0@3000000\n\n\
+    A display that runs is not disturbed. The simulated devices' times are those of the simulation.")]
+pub(super) struct Args {
+    /// usb, usb:VID:PID[:SERIAL], /dev/ttyACM0[@BAUD], COM3[@BAUD], sim, sim:usb, sim:serial[@BAUD]; praxi devices lists what is there
+    #[arg(long, default_value = "usb")]
+    device: Address,
+    /// Whose turns the link is measured for: a rig file, or reference, reference-180hz, high-viewer, tent
+    #[arg(long, default_value = "reference")]
+    rig: String,
+    /// All noise of a simulated device follows from it
+    #[arg(long, value_parser = seed, allow_negative_numbers = true, default_value_t = 1)]
+    seed: u64,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args) -> Result<(), Failure> {
+    let rig = rigs::find(&args.rig)?;
+    let findings = examined(args, &rig);
+    if args.json {
+        let findings: Vec<_> = findings
+            .iter()
+            .map(|Finding { check, verdict, text, remedy, figures }| {
+                json!({ "check": check, "verdict": verdict.name(), "text": text, "remedy": remedy, "figures": figures })
+            })
+            .collect();
+        say_json(&json!({ "device": args.device.to_string(), "findings": findings }));
+    } else {
+        say(findings.iter().map(as_text).collect::<Vec<_>>().join("\n"));
+    }
+    let failed: Vec<_> = findings.iter().filter(|finding| finding.verdict == Verdict::Failed).collect();
+    match failed[..] {
+        [] => Ok(()),
+        [first, ..] => {
+            let remedy = first.remedy.as_ref().map(|remedy| format!(": {remedy}")).unwrap_or_default();
+            Err(Failure(format!("{}: {}: {}{remedy}", args.device, first.check, first.text)))
+        }
+    }
+}
+
+fn examined(args: &Args, rig: &Rig) -> Vec<Finding> {
+    let usb = usb(&args.device);
+    if usb.verdict == Verdict::Failed {
+        return vec![usb];
+    }
+    let simulated = Simulated { rig: rig.clone(), seed: args.seed, clock: Clock::Simulated };
+    let link = args.device.way(&simulated).and_then(|mut way| way.connect());
+    let mut findings = vec![usb];
+    findings.extend(reached(&args.device, link.as_ref().err()));
+    if let Ok(mut link) = link {
+        let carrier = if matches!(args.device, Address::Usb(_)) { Carrier::Usb } else { Carrier::Other };
+        findings.extend(examine(&mut *link, carrier, rig));
+    }
+    findings
+}
+
+fn as_text(finding: &Finding) -> String {
+    let text = hanging(&format!("{:<9}{:<13}", finding.verdict.name(), finding.check), &finding.text);
+    let remedy = finding.remedy.as_ref().map(|remedy| format!("\n{}", hanging(&format!("{:22}-> ", ""), remedy)));
+    text + &remedy.unwrap_or_default()
+}
+
+/// Whether there is USB, for a device that needs it.
+fn usb(device: &Address) -> Finding {
+    let check = "USB";
+    match (device, usb_devices()) {
+        (Address::Usb(_), None) => {
+            Finding::new(check, Verdict::Failed, "no USB on this machine, or none that this user may ask")
+                .and_do("use a machine with USB, or a controller that is simulated: --device sim:usb")
+        }
+        (Address::Usb(_), Some(count)) => Finding::new(check, Verdict::Ok, format!("{count} device(s) of any kind")),
+        _ => Finding::new(check, Verdict::Skipped, format!("{device} needs none")),
+    }
+}
+
+/// What came of opening `device`: whether it is there, ours to open, and free.
+fn reached(device: &Address, error: Option<&LinkError>) -> Vec<Finding> {
+    let what = match device {
+        Address::Usb(_) => "is there".into(),
+        Address::Serial(port) => format!("is a serial port, at {} baud", port.baud),
+        Address::Sim(_) => "is a simulated controller, in simulated time".into(),
+    };
+    let ok = |check, text: &str| Finding::new(check, Verdict::Ok, text);
+    let failed = |check, text: String| Finding::new(check, Verdict::Failed, text);
+    let there = ok("device", &format!("{device} {what}"));
+    let permitted = ok("permissions", "this user may open it");
+    match error {
+        None => vec![there, permitted, ok("opens", "yes")],
+        Some(LinkError::Absent { name, remedy }) => vec![failed("device", format!("no device {name}")).and_do(remedy)],
+        Some(LinkError::Several { name, found }) => {
+            let remedy = format!("name one of {}", found.join(", "));
+            vec![failed("device", format!("{name} is more than one")).and_do(remedy)]
+        }
+        Some(LinkError::Forbidden { name, remedy }) => {
+            vec![there, failed("permissions", format!("this user may not open {name}")).and_do(remedy)]
+        }
+        Some(LinkError::InUse { .. }) => {
+            let busy = failed("opens", "another program has it open".into()).and_do("end that program");
+            vec![there, permitted, busy]
+        }
+        Some(error) => {
+            vec![there, permitted, failed("opens", error.to_string()).and_do("plug it in again, or try another port")]
+        }
+    }
+}
