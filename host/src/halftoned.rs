@@ -5,25 +5,26 @@ use crate::render::turn::Turn;
 use crate::stream::TurnPlanes;
 use protocol::codec::Hint;
 use shaders::halftone::mask::Mask;
+use std::ops::Deref;
 
-/// A binary turn and how it was halftoned.
+/// A binary turn and how it was halftoned. `T` holds the turn, or leads to it.
 #[derive(Clone, Copy, Debug)]
-pub struct Halftoned<'a> {
+pub struct Halftoned<T> {
     /// The turn.
-    pub turn: &'a Turn,
+    pub turn: T,
     /// Its halftone.
     pub halftone: Halftone,
     /// The number that it was rendered with: halftones that alternate do so by its parity.
     pub number: u32,
 }
 
-impl Halftoned<'_> {
+impl<T> Halftoned<T> {
     fn mask(&self, slice: u32) -> Option<Mask> {
         Mask::new(self.halftone.binary()?, slice, self.number)
     }
 }
 
-impl TurnPlanes for Halftoned<'_> {
+impl<T: Deref<Target = Turn>> TurnPlanes for Halftoned<T> {
     fn slices(&self) -> u32 {
         self.turn.slices()
     }

@@ -149,6 +149,8 @@ pub struct Statistics {
     pub planes_kept: u64,
     /// Planes that were on the device already when a turn went on after a lost link.
     pub planes_resumed: u64,
+    /// From the beginning to the end of the acknowledged turns, without the waiting for room before: what a turn takes the link.
+    pub sending: Duration,
 }
 
 /// A connection to a device that shows turns of one rotation and image size.

@@ -154,7 +154,7 @@ struct Coder {
 
 impl Coder {
     /// What has to be known is learnt from the turn before, as a stream does.
-    fn new(coding: Coding, before: &Halftoned<'_>) -> Self {
+    fn new(coding: Coding, before: &Halftoned<&Turn>) -> Self {
         let size = ImageSize::new(before.turn.width(), before.turn.height()).expect("a rig's pictures");
         let (mut compressor, mut book) = (Compressor::new(size), Box::new(Codebook::EMPTY));
         let mut mask = Mask::NONE;

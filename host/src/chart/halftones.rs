@@ -173,7 +173,7 @@ impl Bench {
     }
 
     /// Bytes of the lit slices on the wire, once the device knows what they are compressed by, and by zstd.
-    fn bytes(&self, turn: &Halftoned<'_>) -> (f64, f64) {
+    fn bytes(&self, turn: &Halftoned<&Turn>) -> (f64, f64) {
         let Ok(size) = ImageSize::new(turn.turn.width(), turn.turn.height()) else { return (f64::NAN, f64::NAN) };
         let planes: Vec<&[u8]> = self.lit.iter().map(|slice| turn.plane_bytes(*slice)).collect();
         let (mut mask, mut statistics) = (Mask::NONE, ByteStatistics::default());

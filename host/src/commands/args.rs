@@ -16,7 +16,7 @@ use clap::ValueEnum;
 use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use protocol::rig::Rig;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Every seed is allowed that a number of 64 bits can be.
@@ -110,6 +110,21 @@ fn load(path: &str) -> Result<Scene, Failure> {
         warn(format!("{path}: {note}"));
     }
     Ok(scene)
+}
+
+/// The largest extent with which `scene` fills what `rig` shows from every side; nothing for a built-in scene that fits as it is.
+pub(super) fn filling_extent_m(name: &str, scene: &Scene, rig: &Rig) -> Result<Option<f32>, Failure> {
+    let allowed = display_radius_m(rig) as f32;
+    if allowed == 0.0 {
+        return Err(Failure(format!("rig {} shows no point from every side: see praxi rig check", rig.name)));
+    }
+    if Path::new(name).extension().is_none() && scene.radius() <= allowed {
+        return Ok(None);
+    }
+    let mut unit = scene.clone();
+    unit.fit(1.0);
+    // The ball about the scene fills the window that the eyes look at, which is a little smaller than the display.
+    Ok(Some(0.92 * allowed / unit.radius()))
 }
 
 /// The name of a scene, and the scene in the measure's light; one from a file scaled to `fit_m` metres.

@@ -3,7 +3,7 @@
 mod pictures;
 mod show;
 
-use super::args::{DEFAULT_BUDGET_PX, RendererArgs, progress};
+use super::args::{DEFAULT_BUDGET_PX, RendererArgs, filling_extent_m, progress};
 use super::{Failure, say, say_json, sim, warn};
 use crate::output::Folder;
 use crate::render::Renderer;
@@ -12,7 +12,6 @@ use crate::render::plan::choose::{Budget, Fixed, choose};
 use crate::render::turn::Turn;
 use crate::rigs;
 use crate::scene::{BUILTIN, Scene, Shading, shade};
-use crate::volume::display_radius_m;
 use pictures::Places;
 use protocol::rig::Rig;
 use serde_json::{Value, json};
@@ -81,19 +80,9 @@ fn load(args: &Args, rig: &Rig) -> Result<Scene, Failure> {
     for note in &scene.notes {
         warn(format!("{}: {note}", args.scene));
     }
-    if let Some(extent) = args.fit_m {
-        scene.fit(extent as f32);
-    } else {
-        let allowed = display_radius_m(rig) as f32;
-        if allowed == 0.0 {
-            return Err(Failure(format!("rig {} shows no point from every side: see praxi rig check", rig.name)));
-        }
-        if args.scene != BUILTIN || scene.radius() > allowed {
-            // The ball about the scene fills the window that the eyes look at, which is a little smaller than the display.
-            scene.fit(1.0);
-            scene.fit(0.92 * allowed / scene.radius());
-        }
-    }
+    let extent_m =
+        args.fit_m.map_or_else(|| filling_extent_m(&args.scene, &scene, rig), |extent| Ok(Some(extent as f32)))?;
+    extent_m.into_iter().for_each(|extent_m| scene.fit(extent_m));
     Ok(scene)
 }
 

@@ -11,12 +11,14 @@ mod doctor;
 mod flash;
 mod image;
 mod lock_chart;
+mod order;
 mod plan;
 mod project;
 mod render;
 mod rig;
 mod see;
 mod sim;
+mod stream;
 mod truth;
 mod tune;
 mod wire_chart;
@@ -27,6 +29,7 @@ use clap::{Parser, Subcommand};
 use std::fmt::Display;
 use std::io::{ErrorKind as ErrorKindIo, Write};
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Praxinoscope: what a 360-degree light-field display shows, rendered, simulated and seen.
 #[derive(Parser)]
@@ -51,6 +54,8 @@ enum Command {
     Compare(compare::Args),
     Project(project::Args),
     Rig(rig::Args),
+    Stream(stream::Args),
+    Order(order::Args),
     Sim(sim::Args),
     Tune(tune::Args),
     Image(image::Args),
@@ -69,6 +74,17 @@ impl<E: std::error::Error> From<E> for Failure {
     }
 }
 
+/// Whether the command watches [`INTERRUPTED`].
+static ENDS_BY_ITSELF: AtomicBool = AtomicBool::new(false);
+/// Ctrl-C was pressed once.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Becomes true at the first Ctrl-C, which then ends nothing by itself; the second one ends the program.
+fn until_interrupted() -> &'static AtomicBool {
+    ENDS_BY_ITSELF.store(true, Ordering::Relaxed);
+    &INTERRUPTED
+}
+
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
@@ -77,6 +93,9 @@ pub fn main() -> ExitCode {
     };
     // Without the handler a stopped program leaves a hidden folder behind, and nothing worse.
     let _ = ctrlc::set_handler(|| {
+        if ENDS_BY_ITSELF.load(Ordering::Relaxed) && !INTERRUPTED.swap(true, Ordering::Relaxed) {
+            return;
+        }
         output::remove_half_made();
         std::process::exit(130);
     });
@@ -94,6 +113,8 @@ pub fn main() -> ExitCode {
         Command::Compare(args) => compare::run(&args),
         Command::Project(args) => project::run(&args),
         Command::Rig(args) => rig::run(&args),
+        Command::Order(args) => order::run(&args),
+        Command::Stream(args) => stream::run(&args),
         Command::Sim(args) => sim::run(&args),
         Command::Tune(args) => tune::run(&args),
         Command::Image(args) => image::run(&args),

@@ -162,8 +162,8 @@ impl Endpoint for Unplugged {
 
     fn advance(&mut self, _seconds: f64) {}
 
-    fn is_there(&self) -> bool {
-        self.1 > 0
+    fn plug(&self) -> Option<u32> {
+        (self.1 > 0).then_some(0)
     }
 }
 

@@ -5,6 +5,7 @@ use super::sim::{Cable, Simulated};
 use super::{Connect, Link, LinkError, usb};
 use std::fmt::{self, Display, Formatter};
 use std::str::FromStr;
+use std::time::Duration;
 use thiserror::Error;
 
 /// What may stand for a device, in words.
@@ -106,6 +107,10 @@ impl<C: Connect<Link: 'static>> Connect for Any<C> {
 
     fn connect(&mut self) -> Result<Box<dyn Link>, LinkError> {
         Ok(Box::new(self.0.connect()?))
+    }
+
+    fn wait(&mut self, time: Duration) {
+        self.0.wait(time);
     }
 }
 

@@ -80,6 +80,18 @@ pub trait Connect {
     }
 }
 
+impl<C: Connect + ?Sized> Connect for Box<C> {
+    type Link = C::Link;
+
+    fn connect(&mut self) -> Result<Self::Link, LinkError> {
+        (**self).connect()
+    }
+
+    fn wait(&mut self, time: Duration) {
+        (**self).wait(time);
+    }
+}
+
 impl<L: Link + ?Sized> Link for Box<L> {
     fn send(&mut self, bytes: &[u8]) -> Result<usize, LinkError> {
         (**self).send(bytes)

@@ -155,6 +155,11 @@ impl<C: Connect, T: TurnPlanes> Live<C, T> {
         self.totals
     }
 
+    /// Whether the standby is on the device.
+    pub fn stands_by(&self) -> bool {
+        self.fed_at.is_none()
+    }
+
     /// The link's time.
     pub fn now(&self) -> Duration {
         self.stream.link().now()

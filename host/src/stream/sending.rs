@@ -48,6 +48,7 @@ impl<L: Link> Stream<L> {
         mut is_late: impl FnMut(Duration) -> bool,
     ) -> Result<u32, StreamError> {
         let (number, wants) = self.open_turn(&checks, &mut is_late)?;
+        let begun = self.conversation.link.now();
         let of = self.last.as_ref().map_or(number, |last| last.number);
         let mut job = Job { turn, number, checks: &checks, of, wants };
         for round in 0..ROUNDS {
@@ -63,6 +64,7 @@ impl<L: Link> Stream<L> {
         }
         let check = turn_check(number, checks.iter().copied());
         self.conversation.ask(&EndTurn { turn: number, check }.into())?;
+        self.conversation.statistics.sending += self.conversation.link.now().saturating_sub(begun);
         self.unfinished = None;
         self.last = Some(Sent { number, checks });
         Ok(number)

@@ -1,0 +1,112 @@
+//! How a stream did, when it is over.
+
+use super::meter::{Meter, Rates, dropped};
+use super::program::Rendering;
+use super::{Args, Display, Picture};
+use crate::stream::Statistics;
+use crate::stream::live::Totals;
+use crate::stream::mailbox::Mailbox;
+use serde_json::{Value, json};
+
+/// The figures.
+pub(super) struct Report {
+    device: String,
+    totals: Totals,
+    statistics: Statistics,
+    rates: Rates,
+    seconds: f64,
+    shown: u32,
+    replaced: u64,
+    dropped: u64,
+    rendering: Rendering,
+    error_slices: Option<f64>,
+}
+
+impl Report {
+    pub(super) fn new(
+        args: &Args,
+        display: &Display,
+        mailbox: &Mailbox<Picture>,
+        meter: &Meter,
+        rendering: Rendering,
+    ) -> Self {
+        let (rates, seconds, shown) = meter.overall(display);
+        Self {
+            device: args.device.to_string(),
+            totals: display.totals(),
+            statistics: display.statistics(),
+            rates,
+            seconds,
+            shown,
+            replaced: mailbox.counts()[1],
+            dropped: dropped(display, mailbox),
+            rendering,
+            error_slices: display.status().filter(|status| status.measured).map(|status| meter.error_slices(status)),
+        }
+    }
+
+    /// Turns a second that the link carries, if that was so few that it can be told.
+    fn keeps_up(&self) -> Option<f64> {
+        let seconds = self.statistics.sending.as_secs_f64();
+        (seconds > 1e-3).then(|| self.statistics.turns as f64 / seconds)
+    }
+
+    /// Turns a second that were rendered; nothing for one picture.
+    fn renders(&self) -> Option<f64> {
+        let Rendering { turns, time } = self.rendering;
+        (turns > 1).then(|| turns as f64 / time.as_secs_f64())
+    }
+
+    pub(super) fn as_json(&self) -> Value {
+        let Self { totals, statistics, rates, .. } = self;
+        json!({
+            "end": true, "device": self.device, "seconds": self.seconds,
+            "turns": totals.delivered, "turns_shown": self.shown, "turns_rendered": self.rendering.turns,
+            "turns_per_second": rates.turns_per_second,
+            "link_turns_per_second": self.keeps_up(), "rendered_turns_per_second": self.renders(),
+            "dropped": { "all": self.dropped, "replaced": self.replaced, "late": totals.late, "failed": totals.failed },
+            "reconnects": totals.reconnects,
+            "bytes_raw": statistics.bytes_raw, "bytes_on_wire": statistics.bytes_on_wire, "ratio": rates.ratio,
+            "bytes_per_second": rates.bytes_per_second, "packets": statistics.packets, "retries": statistics.retries,
+            "planes_kept": statistics.planes_kept, "planes_resumed": statistics.planes_resumed,
+            "phase_error_slices": self.error_slices,
+        })
+    }
+
+    pub(super) fn as_text(&self) -> String {
+        let Self { totals, statistics, rates, .. } = self;
+        let megabytes = |bytes: u64| bytes as f64 / 1e6;
+        let ratio = rates.ratio.map(|ratio| format!(", {ratio:.1}:1")).unwrap_or_default();
+        let kept = if statistics.planes_kept > 0 {
+            format!(", {} planes kept", statistics.planes_kept)
+        } else {
+            String::new()
+        };
+        let rate = |rate: Option<f64>| rate.map_or("any number of".into(), |rate| format!("{rate:.1}"));
+        let mut lines = vec![
+            format!(
+                "turns    {} sent in {:.1} s, {:.1} a second; {} came on screen",
+                totals.delivered, self.seconds, rates.turns_per_second, self.shown
+            ),
+            format!(
+                "wire     {:.1} MB of planes as {:.2} MB{ratio}, {} packets sent again{kept}",
+                megabytes(statistics.bytes_raw),
+                megabytes(statistics.bytes_on_wire),
+                statistics.retries
+            ),
+            format!("keeps up {} turns a second by the link", rate(self.keeps_up())),
+        ];
+        if let Some(renders) = self.renders() {
+            lines.push(format!("         {renders:.1} turns a second by rendering"));
+        }
+        lines.push(format!(
+            "dropped  {}: {} for newer ones, {} late, {} not taken",
+            self.dropped, self.replaced, totals.late, totals.failed
+        ));
+        if totals.reconnects > 0 {
+            lines.push(format!("lost     the device went away and came back {} time(s)", totals.reconnects));
+        }
+        lines.extend(self.error_slices.map(|error| format!("lock     {error:+.4} slices at the end")));
+        lines.join("\n")
+    }
+}
