@@ -68,7 +68,11 @@ fn an_image_that_fails_its_test_goes_away() {
     put(&mut device, &good("1.0.0"), false).unwrap();
     device.0.set_test(false);
     let error = put(&mut device, &good("2.0.0"), false).unwrap_err();
-    assert!(error.contains("runs 1.0.0 again"), "{error}");
+    assert!(error.contains("runs bench 1.0.0+") && error.contains("again"), "{error}");
+    // Of the same version, too.
+    let other = sign(&SECRET, Board::new("bench").unwrap(), "1.0.0".parse().unwrap(), vec![7; 5000]).unwrap();
+    let error = put(&mut device, &other, true).unwrap_err();
+    assert!(error.contains("runs bench 1.0.0+") && error.contains("again"), "{error}");
 }
 
 /// Every block, the empty one at the end too, in every way.
