@@ -24,7 +24,7 @@ impl<T> Halftoned<T> {
     }
 }
 
-impl<T: Deref<Target = Turn>> TurnPlanes for Halftoned<T> {
+impl<T: Deref<Target = Turn> + Sync> TurnPlanes for Halftoned<T> {
     fn slices(&self) -> u32 {
         self.turn.slices()
     }

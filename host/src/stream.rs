@@ -19,7 +19,7 @@ mod round_trip;
 mod sending;
 
 /// A turn as a stream takes it.
-pub trait TurnPlanes {
+pub trait TurnPlanes: Sync {
     /// Slices of the turn.
     fn slices(&self) -> u32;
 
@@ -166,8 +166,6 @@ pub struct Stream<L> {
     last: Option<Sent>,
     /// The turn that the device has some of.
     unfinished: Option<Sent>,
-    /// Of one plane, kept for its memory.
-    compressed: Vec<u8>,
 }
 
 /// What the device was told, or has no room for.
@@ -201,7 +199,6 @@ impl<L: Link> Stream<L> {
             known: Known::default(),
             last: None,
             unfinished: None,
-            compressed: Vec::new(),
         };
         stream.greet()?;
         Ok(stream)

@@ -65,8 +65,11 @@ pub struct Standby<T> {
 pub struct Live<C: Connect, T> {
     connect: C,
     stream: Stream<C::Link>,
-    /// A turn is left for a newer one when it was taken this long ago.
+    /// A turn is left for a newer one when it was taken this long ago, or three times as long as the last one took if that is longer: on a
+    /// slow link the next one would not be there sooner.
     deadline: Duration,
+    /// What the last turn took; nothing where there was none.
+    took: Option<Duration>,
     /// How long a device is looked for.
     look_for: Duration,
     standby: Option<Standby<T>>,
@@ -90,8 +93,8 @@ impl<C: Connect, T: TurnPlanes> Live<C, T> {
     ) -> Result<Self, StreamError> {
         let stream = Stream::new(connect.connect()?, rotation, size)?;
         let fed_at = Some(stream.link().now());
-        let (standby, current, away) = (None, None, None);
-        Ok(Self { connect, stream, deadline, look_for, standby, current, fed_at, away, totals: Totals::default() })
+        let (took, standby, current, away, totals) = (None, None, None, None, Totals::default());
+        Ok(Self { connect, stream, deadline, took, look_for, standby, current, fed_at, away, totals })
     }
 
     /// What is shown when no turns come; without it, the last one stays.
@@ -112,10 +115,13 @@ impl<C: Connect, T: TurnPlanes> Live<C, T> {
             self.current = source.take(now).map(|turn| (turn, now));
         }
         let Some((turn, since)) = &self.current else { return self.stand_by(now) };
-        let (deadline, since) = (self.deadline, *since);
-        let is_late = |now: Duration| now.saturating_sub(since) > deadline && source.has_newer(now);
+        let (deadline, since) = (self.took.map(|took| self.deadline.max(3 * took)), *since);
+        let is_late = |now: Duration| {
+            deadline.is_some_and(|deadline| now.saturating_sub(since) > deadline) && source.has_newer(now)
+        };
         let sent = self.stream.submit_unless(turn, is_late);
-        self.fed_at = Some(self.stream.link().now());
+        let now = self.stream.link().now();
+        (self.fed_at, self.took) = (Some(now), Some(now.saturating_sub(since)));
         match sent {
             Ok(ticket) => {
                 self.current = None;

@@ -44,8 +44,8 @@ impl<T> Mailbox<T> {
         slot.replaced += u64::from(slot.turn.replace(turn).is_some());
     }
 
-    /// Waits until the turn was taken, at most for `stale`: then a newer one may as well take its place. Whether anybody wants more.
-    pub fn wait(&self, stale: Duration) -> bool {
+    /// Waits until the turn was taken, at most for `stale`: then a newer one may as well take its place.
+    pub fn wait(&self, stale: Duration) {
         let end = Instant::now() + stale;
         let mut slot = self.slot();
         while slot.turn.is_some() && !slot.is_closed {
@@ -55,7 +55,11 @@ impl<T> Mailbox<T> {
             }
             slot = self.0.taken.wait_timeout(slot, left).unwrap_or_else(PoisonError::into_inner).0;
         }
-        !slot.is_closed
+    }
+
+    /// Whether a turn lies there.
+    pub fn is_full(&self) -> bool {
+        self.slot().turn.is_some()
     }
 
     /// No more turns come, or are wanted.
@@ -130,12 +134,14 @@ mod tests {
         std::thread::scope(|scope| {
             let waiting = scope.spawn(|| mailbox.wait(Duration::from_secs(3_600)));
             assert_eq!(mailbox.clone().take(Duration::ZERO), Some(Empty(1)));
-            assert!(waiting.join().unwrap());
+            waiting.join().unwrap();
+            assert!(!mailbox.is_full());
             mailbox.offer(Empty(2));
             let waiting = scope.spawn(|| mailbox.wait(Duration::from_secs(3_600)));
             mailbox.close();
-            assert!(!waiting.join().unwrap() && mailbox.is_closed());
+            waiting.join().unwrap();
         });
-        assert!(!mailbox.wait(Duration::ZERO));
+        assert!(mailbox.is_full() && mailbox.is_closed());
+        mailbox.wait(Duration::ZERO);
     }
 }

@@ -3,8 +3,10 @@
 use super::conversation::{Answer, Outcome};
 use super::{Sent, Stream, StreamError, TurnPlanes};
 use crate::link::Link;
-use protocol::codec::turn_check;
+use protocol::codec::{Compressor, turn_check};
 use protocol::message::{AskMissing, BeginTurn, EndTurn, KEEP_PLANES_MAX, KeepPlanes, Message, PlaneData, Reason};
+use rayon::prelude::*;
+use std::collections::VecDeque;
 use std::ops::Range;
 use std::time::Duration;
 
@@ -12,6 +14,9 @@ use std::time::Duration;
 const ROUNDS: usize = 20;
 /// How long to wait before a device that is busy is asked again.
 const BUSY_WAIT: Duration = Duration::from_millis(2);
+
+/// Planes that are compressed at once: enough for all cores, few enough that the first is soon on its way.
+const AHEAD: usize = 32;
 
 /// What is to come of a slice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -141,7 +146,7 @@ impl<L: Link> Stream<L> {
         job: &mut Job<'_, T>,
         is_late: &mut impl FnMut(Duration) -> bool,
     ) -> Result<(), StreamError> {
-        let mut slice = 0;
+        let (mut slice, mut ahead) = (0, VecDeque::new());
         while slice < job.wants.len() {
             if is_late(self.conversation.link.now()) {
                 return Err(StreamError::Left { turn: job.number });
@@ -149,7 +154,14 @@ impl<L: Link> Stream<L> {
             slice = match job.wants[slice] {
                 Want::Arrived => slice + 1,
                 Want::Keep => self.keep(job, slice)?,
-                Want::Send => self.send_plane(job, slice)?,
+                Want::Send => {
+                    if ahead.is_empty() {
+                        ahead = self.compress(job, slice);
+                    }
+                    let (slice, compressed) = ahead.pop_front().unwrap_or_default();
+                    self.send_plane(job, slice, &compressed)?;
+                    usize::from(slice) + 1
+                }
             };
         }
         let outcomes = self.conversation.settle()?;
@@ -167,13 +179,23 @@ impl<L: Link> Stream<L> {
         Ok(from + planes)
     }
 
-    /// Sends slice `slice`; the one after it.
-    fn send_plane<T: TurnPlanes>(&mut self, job: &mut Job<'_, T>, slice: usize) -> Result<usize, StreamError> {
-        let (turn, check, part_bytes) = (job.number, job.checks[slice], self.conversation.part_bytes());
-        let slice = slice as u16;
-        let mut compressed = std::mem::take(&mut self.compressed);
-        compressed.clear();
-        self.compressor.compress(job.turn.plane_bytes(slice.into()), job.turn.hint(slice.into()), &mut compressed);
+    /// The next slices to be sent, from slice `from` on, compressed on all cores.
+    fn compress<T: TurnPlanes>(&self, job: &Job<'_, T>, from: usize) -> VecDeque<(u16, Vec<u8>)> {
+        let is_wanted = |slice: &u16| job.wants[usize::from(*slice)] == Want::Send;
+        let slices: Vec<u16> = (from as u16..job.wants.len() as u16).filter(is_wanted).take(AHEAD).collect();
+        let compress = |compressor: &mut Compressor, slice: u16| {
+            let mut compressed = Vec::new();
+            compressor.compress(job.turn.plane_bytes(slice.into()), job.turn.hint(slice.into()), &mut compressed);
+            (slice, compressed)
+        };
+        let known = &self.compressor;
+        let planes: Vec<_> = slices.into_par_iter().map_init(|| known.clone(), compress).collect();
+        planes.into()
+    }
+
+    fn send_plane<T>(&mut self, job: &mut Job<'_, T>, slice: u16, compressed: &[u8]) -> Result<(), StreamError> {
+        let (turn, check) = (job.number, job.checks[usize::from(slice)]);
+        let part_bytes = self.conversation.part_bytes();
         let total = compressed.len() as u32;
         for (offset, bytes) in (0..).step_by(part_bytes).zip(compressed.chunks(part_bytes)) {
             let message = PlaneData { turn, slice, offset, total, check, bytes };
@@ -181,8 +203,7 @@ impl<L: Link> Stream<L> {
             let outcomes = self.conversation.send_next(&message.into(), slice..slice + u16::from(is_last))?;
             self.note(job, &outcomes)?;
         }
-        self.compressed = compressed;
-        Ok(usize::from(slice) + 1)
+        Ok(())
     }
 
     /// Takes down what the device said of packets of planes.

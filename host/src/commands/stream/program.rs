@@ -80,9 +80,23 @@ impl Program {
     ) -> Result<Rendering, Failure> {
         let (start, mut rendering) = (Instant::now(), Rendering::default());
         let mut last: Option<((usize, u64), Picture)> = None;
-        while mailbox.wait(STALE) {
-            let number = (start.elapsed().as_secs_f64() * self.turns_per_second) as u64;
+        let mut next = 0;
+        loop {
+            mailbox.wait(STALE);
+            if mailbox.is_closed() {
+                return Ok(rendering);
+            }
+            // At most one for each turn of the mirror.
+            let turns = start.elapsed().as_secs_f64() * self.turns_per_second;
+            if turns < next as f64 {
+                std::thread::sleep(Duration::from_secs_f64((next as f64 - turns) / self.turns_per_second));
+            }
+            let number = next.max(turns as u64);
             let moment = self.moment(number);
+            next = number + 1;
+            if mailbox.is_full() && last.as_ref().is_some_and(|(rendered, _)| *rendered == moment) {
+                continue;
+            }
             let picture = match last.take().filter(|(rendered, _)| *rendered == moment) {
                 Some((_, picture)) => picture,
                 None => {
@@ -96,7 +110,6 @@ impl Program {
             mailbox.offer(picture.clone());
             last = Some((moment, picture));
         }
-        Ok(rendering)
     }
 }
 
