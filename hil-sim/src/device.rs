@@ -26,6 +26,14 @@ pub trait Endpoint {
     fn is_there(&self) -> bool {
         true
     }
+
+    /// The host lost its way to it: a plug was pulled, or the bus reset.
+    fn disconnect(&mut self) {}
+
+    /// Whether it may start anew: not where something turns.
+    fn is_at_rest(&self) -> bool {
+        true
+    }
 }
 
 /// The device. The world feeds it ([`receive`](Endpoint::receive)), empties it ([`transmit`](Endpoint::transmit)), hands
@@ -121,6 +129,10 @@ impl Endpoint for Device {
 
     /// Nothing here takes time.
     fn advance(&mut self, _seconds: f64) {}
+
+    fn disconnect(&mut self) {
+        self.reset();
+    }
 }
 
 #[cfg(test)]
