@@ -1,7 +1,8 @@
 //! Triangles to slices on the CPU: blocks of 8 × 4 pixels in 16-bit fixed point, with the vector instructions that the machine has.
 //!
-//! It knows no scenes and no plans: a [`Figure`] is plain numbers. All `unsafe` of the workspace is here, and nothing that is slow to
-//! compile, so that an interpreter that sees undefined behaviour can run all of it: `cargo +nightly miri test --package raster`.
+//! It knows no scenes and no plans: a [`Figure`] is plain numbers. All `unsafe` of the workspace but for libusb's transfers
+//! (`host/bulk`) is here, and nothing that is slow to compile, so that an interpreter that sees undefined behaviour can run all of it:
+//! `cargo +nightly miri test --package raster`.
 //!
 //! Everything that is generic over [`Block`] is `inline(always)`, so that it is compiled for the instructions of the [`Level`] that runs
 //! it. The types that are blocks cannot be named outside of this crate: who has one got it in [`Level::run`], which has asked the machine.

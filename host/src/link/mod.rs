@@ -6,6 +6,7 @@ use thiserror::Error;
 #[cfg(test)]
 pub mod faulty;
 pub mod sim;
+pub mod usb;
 
 /// Why a device cannot be reached, or does not carry bytes.
 #[derive(Debug, Error)]
