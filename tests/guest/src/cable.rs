@@ -36,6 +36,7 @@ impl<F: Function + 'static> Cable<F> {
                 if let Err(error) = attach(port, &mut device, &received, &wanted) {
                     println!("cable {port}: {error}");
                 }
+                wait_until_gone(port);
             }
         });
         Self { orders, is_wanted, thread: Some(thread) }
@@ -64,6 +65,15 @@ impl<F> Drop for Cable<F> {
     }
 }
 
+/// The kernel takes its leave of a device in its own time.
+fn wait_until_gone(port: u8) {
+    // Bus 1 is that of high speed; its ports count from 1.
+    let device = format!("/sys/bus/usb/devices/1-{}", port + 1);
+    while fs::exists(&device).unwrap_or(false) {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
 /// Serves the device until it leaves the bus.
 fn attach<F: Function>(
     port: u8,
@@ -74,13 +84,7 @@ fn attach<F: Function>(
     let (ours, kernels) = UnixStream::pair()?;
     // Bus 1, device 2, as the server has them.
     let line = format!("{port} {} {} {HIGH_SPEED}", kernels.as_raw_fd(), 1 << 16 | 2);
-    // The port is busy until the kernel has taken its leave of the device before.
-    while fs::write(ATTACH, &line).is_err() {
-        std::thread::sleep(Duration::from_millis(20));
-        if !is_wanted.load(Ordering::Relaxed) {
-            return Ok(());
-        }
-    }
+    fs::write(ATTACH, &line)?;
     // The kernel has its own hold of it now, and is to see the end of the connection.
     drop(kernels);
     let ending = serve(ours.try_clone()?, &ours, device, |device| {

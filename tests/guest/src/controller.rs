@@ -4,12 +4,16 @@ use hil_sim::device::Endpoint;
 use hil_sim::dfu::{Controller, Owner};
 use hil_sim::usb::board::Board;
 use protocol::image;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Swallows what comes and says nothing.
-pub struct Sink;
+/// Swallows what comes, counts it, and says nothing.
+#[derive(Default)]
+pub struct Sink(pub Arc<AtomicUsize>);
 
 impl Endpoint for Sink {
     fn receive(&mut self, bytes: &[u8]) -> usize {
+        self.0.fetch_add(bytes.len(), Ordering::Relaxed);
         bytes.len()
     }
 

@@ -4,13 +4,21 @@
 mod bare;
 mod cable;
 mod controller;
+mod link;
 mod machine;
+mod stream;
 
 use std::panic::catch_unwind;
 use std::time::Instant;
 
-const CHECKS: [(&str, fn()); 2] =
-    [("bare::moves_bytes", bare::moves_bytes), ("bare::errors_arrive", bare::errors_arrive)];
+const CHECKS: [(&str, fn()); 6] = [
+    ("bare::errors_arrive", bare::errors_arrive),
+    ("link::is_as_fast_as_a_bare_loop", link::is_as_fast_as_a_bare_loop),
+    ("link::finds_one_of_two", link::finds_one_of_two),
+    ("stream::turns_arrive_whole", stream::turns_arrive_whole),
+    ("stream::a_bad_port_only_delays", stream::a_bad_port_only_delays),
+    ("stream::goes_on_after_the_plug_was_pulled", stream::goes_on_after_the_plug_was_pulled),
+];
 
 fn main() {
     if let Err(error) = machine::set_up() {
