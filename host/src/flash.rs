@@ -1,17 +1,19 @@
 //! Firmware images: keys, signatures, and the way into a device over USB DFU.
 
 use crate::input;
+use crate::link::LinkError;
 use dfu_core::functional_descriptor::FunctionalDescriptor;
 use dfu_core::synchronous::DfuSync;
 use dfu_core::{DfuIo, DfuProtocol, Status};
 use ed25519_dalek::{Digest, Sha512, Signature, Signer, SigningKey, VerifyingKey};
-use protocol::image::{BLOCK, Board, HEADER_BYTES, Header, ImageError, Version, split};
+use protocol::image::{BLOCK, Board, HEADER_BYTES, Header, Identity, ImageError, Version, split};
 use protocol::message::SCHEMA;
-use rusb::UsbContext;
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use thiserror::Error;
+
+pub mod usb;
 
 /// More than any slot holds.
 pub const IMAGE_BYTES_MAX: u64 = 64 << 20;
@@ -60,20 +62,17 @@ pub enum FlashError {
     /// The device cannot be talked to.
     #[error("the device: {0}")]
     Device(String),
-    /// Nothing there.
+    /// Not there, or not to be had.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// It stays in its application.
     #[error(
-        "no USB device {0:04x}:{1:04x}: allowed is a controller that is plugged in and switched on, by the numbers that lsusb lists for it, or sim"
+        "the device does not go into its loader, which it does only in the states Idle and Fault: stop the mirror, then try again"
     )]
-    Absent(u16, u16),
-    /// Not ours to open, or no controller.
-    #[error(
-        "USB device {0:04x}:{1:04x} is there and does not open ({2}): allowed is a controller with DFU as its interface 0 that this user may open \
-         (Linux: a udev rule, or root)"
-    )]
-    Closed(u16, u16, String),
+    StaysInApplication,
     /// The new image failed its test, or was never started.
     #[error("the device runs {0} again: the new image did not confirm itself")]
-    CameBack(Version),
+    CameBack(Identity),
     /// Not even the old one.
     #[error("the device runs nothing: its boot loader waits for an image")]
     RunsNothing,
@@ -84,6 +83,7 @@ fn reason(status: &Status) -> String {
     match status {
         Status::ErrTarget => "it is for another board, or not newer than what runs".into(),
         Status::ErrFile => "it is damaged, or larger than a slot of the device".into(),
+        Status::ErrVendor => "its loader was built without its owner's public key, and takes none".into(),
         Status::ErrFirmware => {
             "what runs there is on trial, or about to be swapped: try again when it has confirmed itself".into()
         }
@@ -118,7 +118,9 @@ pub fn public(secret: &[u8; 32]) -> [u8; 32] {
 pub fn sign(secret: &[u8; 32], board: Board, version: Version, mut code: Vec<u8>) -> Result<Vec<u8>, ImageError> {
     code.resize(code.len().next_multiple_of(BLOCK), 0xFF);
     let code_bytes = u32::try_from(code.len()).map_err(|_| ImageError::Length)?;
-    let header = Header { board, version, code_bytes, schema: SCHEMA };
+    let [a, b, c, d, ..]: [u8; 64] = Sha512::digest(&code).into();
+    let build = u32::from_le_bytes([a, b, c, d]);
+    let header = Header { board, version, code_bytes, schema: SCHEMA, build };
     let mut image = header.to_bytes().to_vec();
     Header::parse(&image)?;
     image.append(&mut code);
@@ -138,11 +140,19 @@ pub fn verify(key: &[u8; 32], image: &[u8]) -> Result<(), FlashError> {
 pub trait Device {
     /// What can go wrong once it is open.
     type Error: std::error::Error + From<std::io::Error> + From<dfu_core::Error>;
-    /// It, opened.
+    /// Its loader, opened.
     type Io: DfuIo<Read = usize, Write = usize, Reset = (), Error = Self::Error>;
 
-    /// Opens it, to take newer versions only or any.
+    /// What runs on it, as far as it tells.
+    fn running(&mut self) -> Result<Option<Identity>, FlashError>;
+
+    /// Opens its loader, to take newer versions only or any.
     fn open(&mut self, takes_any: bool) -> Result<Self::Io, FlashError>;
+
+    /// What runs on it when it has come to rest after an image was sent; `None`: its loader waits for another.
+    fn settled(&mut self) -> Result<Option<Identity>, FlashError> {
+        self.running()
+    }
 }
 
 /// Sends `image` and sees it run. `progress` is told how many bytes have been sent in this attempt.
@@ -153,8 +163,7 @@ pub fn flash<D: Device>(
     progress: impl Fn(u64) + Clone + 'static,
 ) -> Result<Header, FlashError> {
     let (header, ..) = split(image).map_err(|error| FlashError::Image(PathBuf::from("image"), error))?;
-    let talk = |error: D::Error| FlashError::Device(error.to_string());
-    if let Some(running) = running(&device.open(force)?).map_err(talk)? {
+    if let Some(running) = device.running()? {
         if running.board != header.board {
             return Err(FlashError::Board { image: header.board, device: running.board });
         }
@@ -170,28 +179,32 @@ pub fn flash<D: Device>(
         }
     }
     outcome?;
-    match running(&device.open(force)?).map_err(talk)? {
-        Some(running) if running == header => Ok(header),
-        Some(running) => Err(FlashError::CameBack(running.version)),
+    match device.settled()? {
+        Some(running) if running == header.identity() => Ok(header),
+        Some(running) => Err(FlashError::CameBack(running)),
         None => Err(FlashError::RunsNothing),
     }
 }
 
-/// The header of what runs on a device that has just been opened.
-fn running<I: DfuIo<Read = usize, Write = usize>>(io: &I) -> Result<Option<Header>, I::Error> {
-    // DFU 1.1, chapter 6: UPLOAD, which ABORT ends. A device that still minds an earlier failure refuses until it is told to forget.
-    const REQUEST_TYPE: u8 = 0b0010_0001;
-    const UPLOAD: u8 = 2;
-    const CLRSTATUS: u8 = 4;
-    const ABORT: u8 = 6;
+// DFU 1.1, table 3.2: a request to the interface, of its class.
+const REQUEST_TYPE: u8 = 0b0010_0001;
+const DETACH: u8 = 0;
+const UPLOAD: u8 = 2;
+const GETSTATUS: u8 = 3;
+const CLRSTATUS: u8 = 4;
+const ABORT: u8 = 6;
+
+/// What runs on a device whose loader UPLOADs its header.
+pub fn uploaded<I: DfuIo<Read = usize, Write = usize>>(io: &I) -> Result<Option<Identity>, I::Error> {
     let mut bytes = [0; HEADER_BYTES];
     let mut upload = || io.read_control(REQUEST_TYPE, UPLOAD, 0, &mut bytes);
+    // A device that still minds an earlier failure refuses until it is told to forget. ABORT ends an upload.
     let count = upload().or_else(|_| {
         io.write_control(REQUEST_TYPE, CLRSTATUS, 0, &[])?;
         upload()
     })?;
     io.write_control(REQUEST_TYPE, ABORT, 0, &[])?;
-    Ok(Header::parse(&bytes[..count.min(HEADER_BYTES)]).ok())
+    Ok(Header::parse(&bytes[..count.min(HEADER_BYTES)]).ok().map(|header| header.identity()))
 }
 
 fn send<D: Device>(
@@ -201,6 +214,8 @@ fn send<D: Device>(
     progress: impl Fn(u64) + 'static,
 ) -> Result<(), FlashError> {
     let io = device.open(force)?;
+    // What another host left half sent would be in the way. Where a failure was left, this is refused, and `dfu-core` clears it.
+    let _ = io.write_control(REQUEST_TYPE, ABORT, 0, &[]);
     let status = Rc::new(Cell::new(Status::Ok));
     let mut dfu = DfuSync::new(Watched { io, status: Rc::clone(&status) });
     let mut sent = 0;
@@ -210,7 +225,9 @@ fn send<D: Device>(
     });
     dfu.download_from_slice(image).map(drop).map_err(|error| match status.get() {
         // The image itself is wrong there; anything else may have happened on the way.
-        status @ (Status::ErrTarget | Status::ErrFile | Status::ErrFirmware) => FlashError::Refused(status),
+        status @ (Status::ErrTarget | Status::ErrFile | Status::ErrFirmware | Status::ErrVendor) => {
+            FlashError::Refused(status)
+        }
         Status::Ok => FlashError::Transfer(error.to_string()),
         status => FlashError::Transfer(status.to_string()),
     })
@@ -230,7 +247,6 @@ impl<I: DfuIo<Read = usize>> DfuIo for Watched<I> {
     type MemoryLayout = I::MemoryLayout;
 
     fn read_control(&self, kind: u8, request: u8, value: u16, buffer: &mut [u8]) -> Result<usize, I::Error> {
-        const GETSTATUS: u8 = 3;
         let count = self.io.read_control(kind, request, value, buffer)?;
         if let (GETSTATUS, Some(&status)) = (request, buffer[..count.min(buffer.len())].first()) {
             self.status.set(status.into());
@@ -239,7 +255,12 @@ impl<I: DfuIo<Read = usize>> DfuIo for Watched<I> {
     }
 
     fn write_control(&self, kind: u8, request: u8, value: u16, buffer: &[u8]) -> Result<I::Write, I::Error> {
-        self.io.write_control(kind, request, value, buffer)
+        let written = self.io.write_control(kind, request, value, buffer);
+        if written.is_err() {
+            // A stall has its reason too. A device that does not tell it keeps what it told before.
+            let _ = self.read_control(kind, GETSTATUS, 0, &mut [0; 6]);
+        }
+        written
     }
 
     fn usb_reset(self) -> Result<I::Reset, I::Error> {
@@ -252,61 +273,6 @@ impl<I: DfuIo<Read = usize>> DfuIo for Watched<I> {
 
     fn functional_descriptor(&self) -> &FunctionalDescriptor {
         self.io.functional_descriptor()
-    }
-}
-
-/// A device on this machine's USB.
-#[derive(Debug)]
-pub struct Usb {
-    /// Vendor and product.
-    pub id: (u16, u16),
-    /// Whether it was there before: then it may take a while to come back.
-    was_there: bool,
-}
-
-impl Usb {
-    /// The first one of this vendor and product.
-    pub fn new(id: (u16, u16)) -> Self {
-        Self { id, was_there: false }
-    }
-}
-
-impl Device for Usb {
-    type Error = dfu_libusb::Error;
-    type Io = dfu_libusb::DfuLibusb<rusb::Context>;
-
-    fn open(&mut self, takes_any: bool) -> Result<Self::Io, FlashError> {
-        // A swap copies the slot page by page: seconds.
-        const WAITS: usize = 60;
-        const WAIT: std::time::Duration = std::time::Duration::from_millis(500);
-        let mut opened = self.try_open(takes_any);
-        for _ in 0..WAITS {
-            if opened.is_ok() || !self.was_there {
-                break;
-            }
-            std::thread::sleep(WAIT);
-            opened = self.try_open(takes_any);
-        }
-        self.was_there |= opened.is_ok();
-        opened
-    }
-}
-
-impl Usb {
-    fn try_open(&self, takes_any: bool) -> Result<dfu_libusb::DfuLibusb<rusb::Context>, FlashError> {
-        let (vendor, product) = self.id;
-        let closed = |error: dfu_libusb::Error| FlashError::Closed(vendor, product, error.to_string());
-        let absent = || FlashError::Absent(vendor, product);
-        // A machine without USB has no context, or no list.
-        let context = rusb::Context::new().map_err(|_| absent())?;
-        let devices = context.devices().map_err(|_| absent())?;
-        let is_it = |device: &rusb::Device<rusb::Context>| {
-            device.device_descriptor().is_ok_and(|its| (its.vendor_id(), its.product_id()) == self.id)
-        };
-        let device = devices.iter().find(is_it).ok_or_else(absent)?;
-        let handle = device.open().map_err(|error| closed(error.into()))?;
-        let opened = dfu_libusb::DfuLibusb::from_usb_device(device, handle, 0, takes_any.into());
-        opened.map(dfu_core::synchronous::DfuSync::into_inner).map_err(closed)
     }
 }
 

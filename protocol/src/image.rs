@@ -9,6 +9,7 @@
 //! | 16..22 | version: major, minor, patch, two bytes each |
 //! | 24..40 | the board's name in ASCII, filled up with zeros |
 //! | 40..48 | the wire's [`SCHEMA`](crate::message::SCHEMA) that the code speaks |
+//! | 48..52 | build: tells images of one version apart; the first bytes of the code's SHA-512 digest |
 //! | ..1024 | zeros |
 //! | 1024.. | the code, whose vector table so stands at a multiple of 1024 |
 //! | last 64 | ed25519 over the SHA-512 digest of everything before, which is what embassy-boot verifies |
@@ -94,6 +95,34 @@ impl Display for Board {
     }
 }
 
+/// Which image it is: what a device says of the one that it runs, at the end of its USB product string.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Identity {
+    /// The board that it runs on.
+    pub board: Board,
+    /// Of the code.
+    pub version: Version,
+    /// See [`Header::build`].
+    pub build: u32,
+}
+
+impl Display for Identity {
+    fn fmt(&self, to: &mut Formatter<'_>) -> core::fmt::Result {
+        write!(to, "{} {}+{:08x}", self.board, self.version, self.build)
+    }
+}
+
+impl Identity {
+    /// At the end of `text`, as it is displayed; `None` where no such thing stands there.
+    pub fn at_end_of(text: &str) -> Option<Self> {
+        let (rest, release) = text.rsplit_once(' ')?;
+        let board = rest.rsplit(' ').next()?;
+        let (version, build) = release.split_once('+')?;
+        let build = u32::from_str_radix(build, 16).ok()?;
+        Some(Self { board: Board::new(board).ok()?, version: version.parse().ok()?, build })
+    }
+}
+
 /// What an image says of itself. Only its signature makes it true.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
@@ -105,6 +134,8 @@ pub struct Header {
     pub code_bytes: u32,
     /// The wire that the code speaks.
     pub schema: u64,
+    /// Tells images of one version apart.
+    pub build: u32,
 }
 
 /// Why bytes are no image.
@@ -152,7 +183,7 @@ impl Header {
         if code_bytes == 0 || code_bytes > most || !code_bytes.is_multiple_of(BLOCK as u32) {
             return Err(ImageError::Length);
         }
-        if bytes[22..24].iter().chain(&bytes[48..]).any(|&byte| byte != 0) {
+        if bytes[22..24].iter().chain(&bytes[52..]).any(|&byte| byte != 0) {
             return Err(ImageError::Reserved);
         }
         Ok(Self {
@@ -160,6 +191,7 @@ impl Header {
             version: Version { major: half(16), minor: half(18), patch: half(20) },
             code_bytes,
             schema: u64::from_le_bytes(field(bytes, 40)),
+            build: u32::from_le_bytes(field(bytes, 48)),
         })
     }
 
@@ -174,7 +206,13 @@ impl Header {
         }
         bytes[24..40].copy_from_slice(&self.board.0);
         bytes[40..48].copy_from_slice(&self.schema.to_le_bytes());
+        bytes[48..52].copy_from_slice(&self.build.to_le_bytes());
         bytes
+    }
+
+    /// Which image it is.
+    pub fn identity(&self) -> Identity {
+        Identity { board: self.board, version: self.version, build: self.build }
     }
 
     /// Bytes that are signed: header and code.
@@ -212,6 +250,7 @@ mod tests {
             version: "1.2.3".parse().unwrap(),
             code_bytes,
             schema: 0x0123_4567_89ab_cdef,
+            build: 0xfedc_ba98,
         };
         let mut bytes = header.to_bytes().to_vec();
         bytes.resize(header.image_bytes() as usize, 0xA5);
@@ -224,9 +263,21 @@ mod tests {
         assert_eq!(bytes[..16], *b"PRAXIIMG\x01\x00\x00\x04\x40\x00\x00\x00");
         assert_eq!(bytes[16..40], *b"\x01\x00\x02\x00\x03\x00\x00\x00h743-rev-2\0\0\0\0\0\0");
         assert_eq!(bytes[40..48], [0xef, 0xcd, 0xab, 0x89, 0x67, 0x45, 0x23, 0x01]);
+        assert_eq!(bytes[48..52], [0x98, 0xba, 0xdc, 0xfe]);
         let (header, signed, signature) = split(&bytes).unwrap();
         assert_eq!((header.version.to_string(), header.board.name()), ("1.2.3".into(), "h743-rev-2"));
         assert_eq!((signed.len(), signature), (1088, &[0xA5; 64]));
+    }
+
+    #[test]
+    fn a_product_string_tells_which_image_runs() {
+        let identity = Header::parse(&image(64)).unwrap().identity();
+        let text = std::format!("Praxinoscope controller {identity}");
+        assert_eq!(text, "Praxinoscope controller h743-rev-2 1.2.3+fedcba98");
+        assert_eq!(Identity::at_end_of(&text), Some(identity));
+        for text in ["", " ", "Praxinoscope loader", "h743 1.2.3", "h743 1.2.3+", "h743 1.2+0", "H7 1.2.3+0", "1.2.3+0"] {
+            assert_eq!(Identity::at_end_of(text), None, "{text}");
+        }
     }
 
     #[test]

@@ -2,10 +2,12 @@
 
 use super::args::progress;
 use super::{Failure, say, say_json};
-use crate::flash::{Device, FlashError, IMAGE_BYTES_MAX, Usb, flash, public, read_key, verify};
+use crate::flash::usb::Usb;
+use crate::flash::{Device, FlashError, IMAGE_BYTES_MAX, flash, public, read_key, uploaded, verify};
 use crate::input;
+use crate::link::usb::Name;
 use hil_sim::dfu::{Accept, Controller, Owner, Port, UsbError};
-use protocol::image::{Board, split};
+use protocol::image::{Board, Identity, split};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -18,8 +20,8 @@ const SIMULATED_BOARD: &str = "sim";
 pub(super) struct Args {
     /// A signed image, as praxi image sign writes it
     image: PathBuf,
-    /// A USB device by vendor and product in hexadecimal, as lsusb lists it, or sim: a blank controller, another one each time
-    #[arg(long, value_name = "VID:PID|sim", value_parser = target)]
+    /// usb, or usb:VID:PID[:SERIAL] with the numbers that lsusb lists, or sim: a blank controller, another one each time
+    #[arg(long, value_name = "DEVICE", value_parser = target)]
     device: Target,
     /// The owner's public key: the image is checked before it is sent; the simulated controller trusts it
     #[arg(long, value_name = "FILE")]
@@ -32,20 +34,16 @@ pub(super) struct Args {
     json: bool,
 }
 
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 enum Target {
     Simulated,
-    Usb(u16, u16),
+    Usb(Name),
 }
 
 fn target(text: &str) -> Result<Target, String> {
-    if text == "sim" {
-        return Ok(Target::Simulated);
-    }
-    let parts = text.split_once(':').map(|(vendor, product)| [vendor, product].map(|id| u16::from_str_radix(id, 16)));
-    match parts {
-        Some([Ok(vendor), Ok(product)]) => Ok(Target::Usb(vendor, product)),
-        _ => Err("must be sim, or two hexadecimal numbers with a colon, as in 0483:df11".into()),
+    match text {
+        "sim" => Ok(Target::Simulated),
+        text => text.parse().map(Target::Usb).map_err(|error| format!("{error}; or sim")),
     }
 }
 
@@ -55,6 +53,10 @@ struct Simulated(Controller);
 impl Device for Simulated {
     type Error = UsbError;
     type Io = Port;
+
+    fn running(&mut self) -> Result<Option<Identity>, FlashError> {
+        uploaded(&self.open(false)?).map_err(|error| FlashError::Device(error.to_string()))
+    }
 
     fn open(&mut self, takes_any: bool) -> Result<Port, FlashError> {
         let accept = if takes_any { Accept::Any } else { Accept::Newer };
@@ -80,8 +82,8 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let bar = progress("sending bytes", image.len() as u64);
     let shown = bar.clone();
     let report = move |sent| shown.set_position(sent);
-    let outcome = match args.device {
-        Target::Usb(vendor, product) => flash(&mut Usb::new((vendor, product)), &image, args.force, report),
+    let outcome = match &args.device {
+        Target::Usb(name) => flash(&mut Usb::new(name.clone()), &image, args.force, report),
         Target::Simulated => {
             let key = key.ok_or(Failure("--device sim needs --key FILE: the public key that it trusts".into()))?;
             let owner = Owner { board: Board::new(SIMULATED_BOARD)?, key };

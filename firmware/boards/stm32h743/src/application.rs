@@ -19,6 +19,7 @@ use embassy_stm32::{Peri, peripherals};
 use firmware::controller::Controller;
 use firmware::hosted::Hosted;
 use firmware::station::Station;
+use protocol::image::Identity;
 use stm32h743::{clocks, flash, halt, keep};
 
 /// A control task that takes no tick for this long is reset: four times what the core's own watchdog allows.
@@ -44,12 +45,12 @@ async fn main(spawner: Spawner) {
     let controller =
         rig::rotation().ok().and_then(|rotation| Controller::after_reset(rig::config(rotation), keep::faults()).ok());
     let Some(controller) = controller.filter(|_| board.machine.is_safe()) else { halt::halt() };
-    confirm(board.flash);
+    let identity = confirm(board.flash);
     // Not before: it shortens the loader's at once, and confirming takes seconds.
     let watchdog = IndependentWatchdog::new(board.watchdog, WATCHDOG_US);
     prioritise();
     board.machine.start(Hertz(controller.config().control_rate_hz as u32));
-    let (device, receiver, link) = link::open(board.usb, board.store);
+    let (device, receiver, link) = link::open(board.usb, board.store, identity);
     let above = CONTROL.start(interrupt::UART5);
     let hosted = Hosted::new(controller, |rotation| Some(rig::config(rotation)));
     let station = Station::new(hosted, board.machine.time_rate());
@@ -78,11 +79,13 @@ fn prioritise() {
     }
 }
 
-/// Tells the loader that this firmware, if it is new, may stay. Before the control task runs: writing the notes may take seconds in which
+/// Tells the loader that this firmware, if it is new, may stay, and says which it is. Before the control task runs: writing the notes may take seconds in which
 /// nothing else happens.
-fn confirm(flash: Peri<'static, peripherals::FLASH>) {
+fn confirm(flash: Peri<'static, peripherals::FLASH>) -> Option<Identity> {
     let flash = flash::shared(flash);
-    if flash::slots(&flash).and_then(|mut slots| slots.confirm()).is_err() {
+    let Ok(mut slots) = flash::slots(&flash) else { halt::halt() };
+    if slots.confirm().is_err() {
         halt::halt();
     }
+    flash::identity(&mut slots)
 }

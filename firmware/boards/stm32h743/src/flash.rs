@@ -14,6 +14,7 @@ use embassy_stm32::{Peri, peripherals};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
+use protocol::image::{HEADER_BYTES, Header, Identity};
 use update::loader::{LoaderError, Slots};
 
 /// Both banks.
@@ -32,6 +33,13 @@ fn slot<'a>(flash: &'a SharedFlash, part: &Part) -> Slot<'a> {
 /// Both slots of firmware, and the notes on their swap.
 pub fn slots(flash: &SharedFlash) -> Result<Slots<Slot<'_>, Slot<'_>, Slot<'_>>, LoaderError> {
     Slots::open(slot(flash, &ACTIVE), slot(flash, &DOWNLOAD), slot(flash, &STATE))
+}
+
+/// Which image is in the active slot, whether it is signed or not.
+pub fn identity(slots: &mut Slots<Slot<'_>, Slot<'_>, Slot<'_>>) -> Option<Identity> {
+    let mut bytes = [0; HEADER_BYTES];
+    slots.active.read(0, &mut bytes).ok()?;
+    Header::parse(&bytes).ok().map(|header| header.identity())
 }
 
 /// All of the chip's flash.

@@ -13,10 +13,11 @@ use embassy_usb::class::dfu::consts::DfuAttributes;
 use embassy_usb::driver::{self, Endpoint, EndpointIn, EndpointOut};
 use firmware::port_store::PortStore;
 use firmware::wire_end::WireEnd;
+use protocol::image::Identity;
 use protocol::message::State;
 use static_cell::StaticCell;
 use stm32h743::keep;
-use stm32h743::usb::{PACKET_BYTES, Pins, Port, builder};
+use stm32h743::usb::{CONTROL_BYTES_MIN, PACKET_BYTES, Pins, Port, builder};
 
 /// How often the controller reports.
 const REPORT_EVERY: Duration = Duration::from_millis(10);
@@ -50,11 +51,15 @@ impl app_mode::Handler for IntoLoader {
 }
 
 /// The device with its two functions: ours, and the run-time half of DFU. Only to be called once.
-pub fn open(pins: Pins, store: SerialPort) -> (UsbDevice<'static, Usb>, Receiver, &'static SharedLink) {
-    static CONTROL: StaticCell<[u8; 64]> = StaticCell::new();
+pub fn open(
+    pins: Pins,
+    store: SerialPort,
+    runs: Option<Identity>,
+) -> (UsbDevice<'static, Usb>, Receiver, &'static SharedLink) {
+    static CONTROL: StaticCell<[u8; CONTROL_BYTES_MIN]> = StaticCell::new();
     static DFU: StaticCell<DfuState<IntoLoader>> = StaticCell::new();
     static LINK: StaticCell<SharedLink> = StaticCell::new();
-    let mut builder = builder(pins, "Praxinoscope controller", &CONTROL);
+    let mut builder = builder(pins, "controller", runs, &CONTROL);
     let (receiver, sender) = {
         // Class, subclass and protocol of a vendor's own.
         let mut function = builder.function(0xff, 0, 0);

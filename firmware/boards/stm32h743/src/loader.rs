@@ -2,11 +2,14 @@
 #![no_std]
 #![no_main]
 
+use core::sync::atomic::{AtomicBool, Ordering};
 use cortex_m::peripheral::{NVIC, SCB};
 use embassy_executor::Spawner;
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_usb::class::dfu::consts::{DfuAttributes, Status};
-use embassy_usb::class::dfu::dfu_mode::{DfuState, Handler, usb_dfu};
+use embassy_usb::class::dfu::dfu_mode::{DfuState, Handler};
+use embassy_usb::types::InterfaceNumber;
+use protocol::image::Identity;
 use static_cell::StaticCell;
 use stm32h743::flash::{SharedFlash, Slot};
 use stm32h743::layout::{ACTIVE, FLASH_BASE, HEADER};
@@ -18,6 +21,12 @@ use update::updater::{Accept, Transfer};
 
 /// Bytes of a block of the download.
 const BLOCK: usize = 4096;
+/// DFU 1.1, section 4.2.3 and 4.1.3: the interface of a device that takes an image, and the descriptor behind its settings.
+const DFU_INTERFACE: [u8; 3] = [0xFE, 1, 2];
+const DFU_FUNCTIONAL: u8 = 0x21;
+/// The host makes the device restart by a reset of the bus, which it gives after a manifestation that is neither tolerant nor detaches.
+const ATTRIBUTES: DfuAttributes = DfuAttributes::CAN_DOWNLOAD;
+
 /// How long an application may take until it has found itself whole. It then sets a shorter time itself; if it does not, the watchdog
 /// resets it.
 const TRIAL_US: u32 = 16_000_000;
@@ -33,7 +42,11 @@ async fn main(_spawner: Spawner) {
         IndependentWatchdog::new(p.IWDG1, TRIAL_US).unleash();
         start(FLASH_BASE + ACTIVE.offset + HEADER)
     }
-    download(usb_pins!(p), flash).await;
+    let runs = match decision {
+        Some(Decision::Run(header) | Decision::Try(header, _)) => Some(header.identity()),
+        _ => None,
+    };
+    download(usb_pins!(p), flash, runs).await;
 }
 
 /// Starts the program whose vectors are at `vectors`, which somebody has signed.
@@ -51,15 +64,38 @@ fn start(vectors: u32) -> ! {
     }
 }
 
-/// A device of class DFU, until the host resets it.
-async fn download(pins: usb::Pins, flash: &'static SharedFlash) {
+/// A device of class DFU, until the host resets it. `runs` is what would be started.
+async fn download(pins: usb::Pins, flash: &'static SharedFlash, runs: Option<Identity>) {
     static CONTROL: StaticCell<[u8; BLOCK]> = StaticCell::new();
     static STATE: StaticCell<DfuState<Download>> = StaticCell::new();
-    let attributes = DfuAttributes::CAN_DOWNLOAD | DfuAttributes::MANIFESTATION_TOLERANT;
-    let state = STATE.init(DfuState::new(Download { flash, under_way: None }, attributes));
-    let mut builder = usb::builder(pins, "Praxinoscope controller, loader", &CONTROL);
-    usb_dfu(&mut builder, state, BLOCK, |_| {});
+    static SETTING: StaticCell<Setting> = StaticCell::new();
+    let mut builder = usb::builder(pins, "loader", runs, &CONTROL);
+    let [low, high] = (BLOCK as u16).to_le_bytes();
+    let mut function = builder.function(0, 0, 0);
+    let mut interface = function.interface();
+    let [class, subclass, protocol] = DFU_INTERFACE;
+    // Setting 0 takes newer images, 1 any.
+    for _ in [Accept::Newer, Accept::Any] {
+        let mut setting = interface.alt_setting(class, subclass, protocol, None);
+        // No time to detach, which it already is; DFU 1.1.
+        setting.descriptor(DFU_FUNCTIONAL, &[ATTRIBUTES.bits(), 0, 0, low, high, 0x10, 0x01]);
+    }
+    drop(function);
+    builder.handler(STATE.init(DfuState::new(Download { flash, under_way: None }, ATTRIBUTES)));
+    builder.handler(SETTING.init(Setting));
     builder.build().run().await;
+}
+
+/// Whether the host has chosen the alternate setting that takes any version.
+static TAKES_ANY: AtomicBool = AtomicBool::new(false);
+
+/// Hears which alternate setting is on. There is one interface; a reset of the bus puts it back to 0.
+struct Setting;
+
+impl embassy_usb::Handler for Setting {
+    fn set_alternate_setting(&mut self, _: InterfaceNumber, setting: u8) {
+        TAKES_ANY.store(setting == 1, Ordering::Relaxed);
+    }
 }
 
 type OurSlots = Slots<Slot<'static>, Slot<'static>, Slot<'static>>;
@@ -74,7 +110,8 @@ impl Handler for Download {
     fn start(&mut self) -> Result<(), Status> {
         let owner: Owner = owner().ok_or(Status::ErrVendor)?;
         let slots = flash::slots(self.flash).map_err(|_| Status::ErrFirmware)?;
-        self.under_way = Some((slots, Transfer::new(owner, Accept::Newer)));
+        let accept = if TAKES_ANY.load(Ordering::Relaxed) { Accept::Any } else { Accept::Newer };
+        self.under_way = Some((slots, Transfer::new(owner, accept)));
         Ok(())
     }
 

@@ -1,9 +1,18 @@
 //! The USB device: what loader and application have in common.
 
+use core::fmt::Write;
+use embassy_stm32::uid::uid_hex;
 use embassy_stm32::usb::{self, Driver};
 use embassy_stm32::{Peri, bind_interrupts, peripherals};
 use embassy_usb::{Builder, Config};
+use heapless::String;
+use protocol::image::Identity;
 use static_cell::StaticCell;
+
+/// The longest product string: a role, and which image runs. Each of its characters takes two bytes of the control pipe's buffer.
+const PRODUCT_CHARACTERS: usize = 80;
+/// A control buffer that holds it, with its length and type.
+pub const CONTROL_BYTES_MIN: usize = 2 * PRODUCT_CHARACTERS + 4;
 
 #[cfg(not(feature = "high-speed"))]
 mod chosen {
@@ -98,25 +107,41 @@ macro_rules! usb_pins {
     }};
 }
 
-/// A device that is still to be given its functions. `CONTROL` bytes go by the control pipe at once at most. Only to be called once.
+/// A device that is still to be given its functions. Its product string says in which `role` it is and which image `runs`, its serial number
+/// is the chip's, so that a host knows it again in its other role. `CONTROL` bytes go by the control pipe at once at most. Only to be
+/// called once.
 pub fn builder<const CONTROL: usize>(
     pins: Pins,
-    product: &'static str,
+    role: &str,
+    runs: Option<Identity>,
     control: &'static StaticCell<[u8; CONTROL]>,
 ) -> Builder<'static, Driver<'static, Port>> {
     // Endpoint 0 and one bulk endpoint, each with room for its longest packet.
     static OUT: StaticCell<[u8; 1024]> = StaticCell::new();
     static CONFIGURATION: StaticCell<[u8; 128]> = StaticCell::new();
     static BOS: StaticCell<[u8; 32]> = StaticCell::new();
+    static PRODUCT: StaticCell<String<PRODUCT_CHARACTERS>> = StaticCell::new();
+    const { assert!(CONTROL >= CONTROL_BYTES_MIN) };
     // The bus is powered apart, and the device is no candidate for it: VBUS is not looked at.
     let driver = driver(pins, OUT.init([0; 1024]), usb::Config::default());
     // The identifier that pid.codes keeps for tests, until the project has its own.
     let mut config = Config::new(0x1209, 0x0001);
     config.manufacturer = Some("Praxinoscope");
-    config.product = Some(product);
+    config.product = Some(PRODUCT.init_with(|| product(role, runs)));
+    config.serial_number = Some(uid_hex());
     config.self_powered = true;
     let (configuration, bos) = (CONFIGURATION.init([0; 128]), BOS.init([0; 32]));
     Builder::new(driver, config, configuration, bos, &mut [], control.init([0; CONTROL]))
+}
+
+fn product(role: &str, runs: Option<Identity>) -> String<PRODUCT_CHARACTERS> {
+    let mut text = String::new();
+    // What has no room is left out: a host then knows less.
+    let _ = write!(text, "Praxinoscope {role}");
+    if let Some(identity) = runs {
+        let _ = write!(text, " {identity}");
+    }
+    text
 }
 
 #[cfg(not(feature = "high-speed"))]
