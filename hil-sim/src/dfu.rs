@@ -5,7 +5,7 @@ use crate::flash::{Chip, Region};
 use dfu_core::functional_descriptor::FunctionalDescriptor;
 use dfu_core::memory_layout::MemoryLayout;
 use dfu_core::{DfuIo, DfuProtocol, State, Status};
-use protocol::image::HEADER_BYTES;
+use protocol::image::Identity;
 use std::cell::RefCell;
 use std::rc::Rc;
 use thiserror::Error;
@@ -26,7 +26,7 @@ pub const BLOCK_BYTES: u16 = 1024;
 /// What it can do (DFU 1.1, section 4.1.3).
 pub const DESCRIPTOR: FunctionalDescriptor = FunctionalDescriptor {
     can_download: true,
-    can_upload: true,
+    can_upload: false,
     manifestation_tolerant: false,
     will_detach: false,
     detach_timeout: 0,
@@ -36,7 +36,6 @@ pub const DESCRIPTOR: FunctionalDescriptor = FunctionalDescriptor {
 
 // Requests (chapter 3).
 const DNLOAD: u8 = 1;
-const UPLOAD: u8 = 2;
 const GETSTATUS: u8 = 3;
 const CLRSTATUS: u8 = 4;
 const GETSTATE: u8 = 5;
@@ -134,6 +133,14 @@ impl Controller {
         self.0.borrow().decision
     }
 
+    /// The image that runs, which a device's product string ends with.
+    pub fn identity(&self) -> Option<Identity> {
+        match self.decision()? {
+            Decision::Run(header) | Decision::Try(header, _) => Some(header.identity()),
+            Decision::Wait(_) => None,
+        }
+    }
+
     /// Plugs it in, switched on again where power had failed. The alternate setting decides which versions it `accept`s.
     pub fn open(&self, accept: Accept) -> Result<Port, LoaderError> {
         if self.is_gone() {
@@ -174,14 +181,6 @@ impl Controller {
             DNLOAD => board.download(value, bytes).map(|()| Vec::new()),
             GETSTATUS => Ok(board.report().to_vec()),
             GETSTATE => Ok(vec![board.state.into()]),
-            // What runs: its header.
-            UPLOAD if board.state == State::DfuIdle => match board.decision {
-                Some(Decision::Run(header)) => {
-                    board.state = State::DfuUploadIdle;
-                    Ok(header.to_bytes()[..HEADER_BYTES].to_vec())
-                }
-                _ => Ok(Vec::new()),
-            },
             CLRSTATUS | ABORT => {
                 (board.state, board.status, board.transfer, board.blocks) = (State::DfuIdle, Status::Ok, None, 0);
                 Ok(Vec::new())

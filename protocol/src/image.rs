@@ -275,7 +275,8 @@ mod tests {
         let text = std::format!("Praxinoscope controller {identity}");
         assert_eq!(text, "Praxinoscope controller h743-rev-2 1.2.3+fedcba98");
         assert_eq!(Identity::at_end_of(&text), Some(identity));
-        for text in ["", " ", "Praxinoscope loader", "h743 1.2.3", "h743 1.2.3+", "h743 1.2+0", "H7 1.2.3+0", "1.2.3+0"] {
+        for text in ["", " ", "Praxinoscope loader", "h743 1.2.3", "h743 1.2.3+", "h743 1.2+0", "H7 1.2.3+0", "1.2.3+0"]
+        {
             assert_eq!(Identity::at_end_of(text), None, "{text}");
         }
     }

@@ -5,8 +5,9 @@ use super::descriptors::{Descriptors, Interface, PACKET_BYTES};
 use super::{Function, Setup};
 use crate::device::Endpoint;
 use crate::dfu::{Accept, Controller, DESCRIPTOR};
+use protocol::image::Identity;
 use std::collections::VecDeque;
-use update::loader::{Decision, LoaderError};
+use update::loader::LoaderError;
 
 /// Vendor and product: those that pid.codes keeps for tests.
 pub const ID: (u16, u16) = (0x1209, 0x0001);
@@ -103,9 +104,10 @@ impl<E: Endpoint> Board<E> {
     /// The boot loader decides what runs; an application that goes may want it to wait.
     fn restart(&mut self, wants_loader: bool) -> Result<(), LoaderError> {
         self.loader.start()?;
-        let runs = matches!(self.loader.decision(), Some(Decision::Run(_)));
-        self.mode = if (runs || self.is_built_in) && !wants_loader { Mode::Application } else { Mode::Loader };
-        self.descriptors = descriptors(self.mode, &self.serial);
+        let image = self.loader.identity();
+        let runs = image.is_some() || self.is_built_in;
+        self.mode = if runs && !wants_loader { Mode::Application } else { Mode::Loader };
+        self.descriptors = descriptors(self.mode, image, &self.serial);
         Ok(())
     }
 
@@ -239,17 +241,19 @@ fn accept(setting: u8) -> Accept {
     if setting == 0 { Accept::Newer } else { Accept::Any }
 }
 
-fn descriptors(mode: Mode, serial: &str) -> Descriptors {
-    let (product_name, interfaces) = match mode {
-        Mode::Application => ("Praxinoscope controller", vec![bulk(), run_time()]),
-        Mode::Loader => ("Praxinoscope controller, loader", vec![loader(0), loader(1)]),
+/// The product string says in which role it is, and which image is in it.
+fn descriptors(mode: Mode, image: Option<Identity>, serial: &str) -> Descriptors {
+    let (role, interfaces) = match mode {
+        Mode::Application => ("controller", vec![bulk(), run_time()]),
+        Mode::Loader => ("loader", vec![loader(0), loader(1)]),
     };
+    let image = image.map(|image| format!(" {image}")).unwrap_or_default();
     Descriptors {
         vendor: ID.0,
         product: ID.1,
         release: 0x0010,
         manufacturer: "Praxinoscope".into(),
-        product_name: product_name.into(),
+        product_name: format!("Praxinoscope {role}{image}"),
         serial: serial.into(),
         interfaces,
     }

@@ -30,7 +30,8 @@ pub fn owner() -> Owner {
 /// Signed code of `code_bytes` bytes that no other version's is like.
 pub fn image(version: u16, code_bytes: usize) -> Vec<u8> {
     let version_number = Version { major: 1, minor: version, patch: 0 };
-    let header = Header { board: owner().board, version: version_number, code_bytes: code_bytes as u32, schema: 0, build: 0 };
+    let header =
+        Header { board: owner().board, version: version_number, code_bytes: code_bytes as u32, schema: 0, build: 0 };
     let code = (0..code_bytes).map(|at| (at as u8).wrapping_mul(31) ^ (version as u8));
     signed(&key(), header.to_bytes().into_iter().chain(code).collect())
 }

@@ -27,5 +27,10 @@ impl Endpoint for Sink {
 /// A board with that application, of nobody's.
 pub fn board<E: Endpoint>(endpoint: E, serial: &str) -> Board<E> {
     let board = image::Board::new("guest").expect("a short name");
-    Board::new(endpoint, Controller::new(Owner { board, key: [0; 32] }), serial).expect("a flash that works")
+    board_of(Owner { board, key: [0; 32] }, endpoint, serial)
+}
+
+/// The same of that owner's.
+pub fn board_of<E: Endpoint>(owner: Owner, endpoint: E, serial: &str) -> Board<E> {
+    Board::new(endpoint, Controller::new(owner), serial).expect("a flash that works")
 }
