@@ -4,7 +4,7 @@ pub mod wire;
 
 use crate::usb::descriptors::Descriptors;
 use crate::usb::{Function, Port};
-use std::io::{Read, Write};
+use std::io::{BufReader, Read, Write};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, Instant};
 use wire::{BUS_ID, Command, Denial, Request, UsbIpError};
@@ -89,7 +89,9 @@ pub fn serve<F: Function>(
 /// What came from the client.
 type Came = Result<Option<Command>, UsbIpError>;
 
-fn read_ahead(mut reader: impl Read + Send + 'static) -> Receiver<Came> {
+fn read_ahead(reader: impl Read + Send + 'static) -> Receiver<Came> {
+    // A message's header at once; most of its data go past the buffer.
+    let mut reader = BufReader::with_capacity(1024, reader);
     let (sender, commands) = sync_channel(AHEAD);
     std::thread::spawn(move || {
         loop {
@@ -111,18 +113,24 @@ fn exchange<F: Function>(
 ) -> Result<Ending, UsbIpError> {
     let mut clock = Clock::start();
     loop {
-        match commands.recv_timeout(clock.wait()) {
-            Ok(command) => match command? {
+        let first = match commands.recv_timeout(clock.wait()) {
+            Ok(command) => Some(command),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => return Ok(Ending::HostLeft),
+        };
+        // A simulation that lags steps all the time: what came meanwhile has its turn too.
+        for command in first.into_iter().chain(commands.try_iter().take(AHEAD)) {
+            match command? {
                 Some(Command::Submit(transfer)) => port.submit(transfer),
                 Some(Command::Unlink { id, victim }) => {
+                    let was_pending = port.unlink(victim);
                     // What has ended is said first: a client forgets what it has taken back.
                     answer(port, writer)?;
-                    writer.write_all(&wire::unlinked(id, port.unlink(victim)))?;
+                    writer.write_all(&wire::unlinked(id, was_pending))?;
                 }
                 None => return Ok(Ending::HostLeft),
-            },
-            Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => return Ok(Ending::HostLeft),
+            }
+            answer(port, writer)?;
         }
         if clock.step() {
             port.advance(STEP.as_secs_f64());

@@ -179,15 +179,9 @@ pub fn read_command(from: &mut impl Read) -> Result<Option<Command>, UsbIpError>
             setup.copy_from_slice(&header[40..]);
             let pipe =
                 if endpoint & 0x0F == 0 { Pipe::Control(Setup::from_bytes(setup)) } else { Pipe::Bulk(endpoint) };
-            let mut transfer = Transfer { id, pipe, bytes: Vec::new(), room: length as usize };
-            if !is_in {
-                transfer.room = 0;
-                transfer.bytes.reserve_exact(length as usize);
-                let came = from.take(length.into()).read_to_end(&mut transfer.bytes)?;
-                if came < length as usize {
-                    return Err(io::Error::from(io::ErrorKind::UnexpectedEof).into());
-                }
-            }
+            let (sent, room) = if is_in { (0, length as usize) } else { (length as usize, 0) };
+            let mut transfer = Transfer { id, pipe, bytes: vec![0; sent], room };
+            from.read_exact(&mut transfer.bytes)?;
             Ok(Some(Command::Submit(transfer)))
         }
         UNLINK => Ok(Some(Command::Unlink { id, victim: word(20) })),

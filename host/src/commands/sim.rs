@@ -7,16 +7,23 @@ use crate::rigs;
 use hil_sim::device::TurnHandle;
 use hil_sim::motor::Motor;
 use hil_sim::scenario::{Pacing, Scenario};
+use hil_sim::simulator::Simulator;
 use hil_sim::statistics::LockStatistics;
 use hil_sim::world::{World, repeat_command};
 use protocol::message::{Fault, Faults, State};
 use protocol::units::Nanos;
 use serde_json::{Value, json};
 use std::fmt::Display;
-use std::path::Path;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+mod serve_usb;
 
 /// The name of the motor that comes with the simulator.
 pub(super) const REFERENCE_MOTOR: &str = "reference";
+
+/// The scenario in which nothing goes wrong.
+const PLAIN: &str = "plain";
 
 /// Simulate motor, lock and sequencing, without pixels, and say how well the mirror keeps step
 #[derive(clap::Args)]
@@ -32,7 +39,7 @@ pub(super) struct Args {
     motor: String,
     /// A file of commands and faults over time, or plain, second-motor, smooth-motor, pulses, dropouts, rate-step, emergency-stop, follow,
     /// open-loop
-    #[arg(long, default_value = "plain")]
+    #[arg(long, default_value = PLAIN)]
     scenario: String,
     /// Who leads, in place of what the scenario says: the projector's clock, the mirror's sensors, or a drive that keeps its own
     /// speed while nothing measures the mirror
@@ -44,9 +51,26 @@ pub(super) struct Args {
     /// All noise follows from it
     #[arg(long, value_parser = seed, allow_negative_numbers = true, default_value_t = 1)]
     seed: u64,
+    /// Be a controller that other programs talk to, in real time, until Ctrl-C: the mirror spins up when it is told to, and events of a
+    /// scenario happen
+    #[arg(long, value_enum, conflicts_with = "seconds")]
+    serve: Option<Serve>,
+    /// Where a served USB device is offered
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:3240", requires = "serve")]
+    listen: SocketAddr,
+    /// The public key whose owner's firmware a served USB device takes; without one it takes none
+    #[arg(long, value_name = "FILE", requires = "serve")]
+    key: Option<PathBuf>,
     /// Print JSON
     #[arg(long)]
     json: bool,
+}
+
+/// What a served controller looks like.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Serve {
+    /// A USB device, by USB/IP
+    Usb,
 }
 
 /// The ways to keep mirror and projector in step.
@@ -80,9 +104,16 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
         None => load(&args.scenario, &Scenario::BUILT_IN.join(", "), Scenario::from_toml)?,
     };
     scenario.pacing = args.pacing.map_or(scenario.pacing, Leader::pacing);
+    let refused = |error: &dyn Display| Failure(format!("{} with motor {}: {error}", args.rig, args.motor));
+    if let Some(Serve::Usb) = args.serve {
+        // The plain scenario is a start.
+        scenario.events.retain(|_| args.scenario != PLAIN);
+        let simulator = Simulator::new(&rig, motor, scenario, args.seed).map_err(|error| refused(&error))?;
+        return serve_usb::run(simulator, args.seed, args.listen, args.key.as_deref(), args.json);
+    }
     let latency = Nanos::from_seconds(rig.projector.frame_latency_us * 1e-6);
-    let mut world = World::new(&rig.rotation(), latency, &motor, &scenario, args.seed)
-        .map_err(|error| Failure(format!("{} with motor {}: {error}", args.rig, args.motor)))?;
+    let mut world =
+        World::new(&rig.rotation(), latency, &motor, &scenario, args.seed).map_err(|error| refused(&error))?;
     keep_step(&mut world, args.seconds);
     let statistics = world.statistics();
     if args.json {

@@ -12,13 +12,14 @@ mod stream;
 use std::panic::catch_unwind;
 use std::time::Instant;
 
-const CHECKS: [(&str, fn()); 7] = [
+const CHECKS: [(&str, fn()); 8] = [
     ("bare::errors_arrive", bare::errors_arrive),
     ("link::is_as_fast_as_a_bare_loop", link::is_as_fast_as_a_bare_loop),
     ("link::finds_one_of_two", link::finds_one_of_two),
     ("stream::turns_arrive_whole", stream::turns_arrive_whole),
     ("stream::a_bad_port_only_delays", stream::a_bad_port_only_delays),
     ("stream::goes_on_after_the_plug_was_pulled", stream::goes_on_after_the_plug_was_pulled),
+    ("flash::a_blank_board_waits", flash::a_blank_board_waits),
     ("flash::images_run", flash::images_run),
 ];
 
