@@ -84,8 +84,8 @@ impl<B: Bus> Bulk<B> {
         Ok(Self { bus, outward, gathering: None, inward })
     }
 
-    /// Takes as many of `bytes`, from the first on, as there is room for, and returns how many. They leave at once where the wire is
-    /// idle, else with what comes next: at the latest when the caller [receives](Self::receive).
+    /// Takes as many of `bytes`, from the first on, as there is room for, and returns how many. They leave at once where little is in
+    /// flight, else with what comes next: at the latest when the caller waits in [`receive`](Self::receive).
     pub fn send(&mut self, bytes: &[u8]) -> Result<usize, Error> {
         self.bus.handle_events(Duration::ZERO)?;
         self.finish_sent()?;
@@ -102,9 +102,10 @@ impl<B: Bus> Bulk<B> {
             let is_full = count == room.len();
             rest = &rest[count..];
             self.gathering = Some((transfer, length + count));
-            if is_full || self.outward.in_flight() < AHEAD {
+            if is_full {
                 self.flush()?;
             }
+            self.keep_busy()?;
         }
         Ok(bytes.len() - rest.len())
     }
@@ -112,13 +113,16 @@ impl<B: Bus> Bulk<B> {
     /// Appends what the device sent to `into` and returns how many bytes. Waits at most `wait` for the first one, and not where
     /// [`send`](Self::send) had no room and has some now.
     pub fn receive(&mut self, into: &mut Vec<u8>, wait: Duration) -> Result<usize, Error> {
-        self.flush()?;
+        if !wait.is_zero() {
+            self.flush()?;
+        }
         let since = Instant::now();
         let had_room = self.has_room();
         let mut is_last = false;
         loop {
             self.listen()?;
             self.finish_sent()?;
+            self.keep_busy()?;
             let count = self.finish_received(into)?;
             if count > 0 || is_last || (!had_room && self.has_room()) {
                 return Ok(count);
@@ -131,6 +135,11 @@ impl<B: Bus> Bulk<B> {
 
     fn has_room(&self) -> bool {
         self.gathering.is_some() || self.outward.has_room()
+    }
+
+    /// What was gathered leaves where little is in flight.
+    fn keep_busy(&mut self) -> Result<(), Error> {
+        if self.outward.in_flight() < AHEAD { self.flush() } else { Ok(()) }
     }
 
     /// What was gathered leaves.

@@ -7,10 +7,10 @@ use std::time::{Duration, Instant, SystemTime};
 
 pub(crate) mod found;
 
-/// Transfers to the device: together a 25th of a second of high speed, which a host that is busy elsewhere may take.
-const OUTWARD: usize = 8;
+/// Transfers to the device: together the 25th of a second of high speed, which a host that is busy elsewhere may take.
+const OUTWARD: usize = 4;
 /// Bytes of each, a multiple of any packet.
-const OUTWARD_BYTES: usize = 128 << 10;
+const OUTWARD_BYTES: usize = 512 << 10;
 /// Transfers from the device, each of one packet, so that it ends with it: a device may end what it says with a full packet.
 const INWARD: usize = 16;
 

@@ -2,7 +2,7 @@
 
 use crate::link::LinkError;
 use dfu_core::functional_descriptor::FunctionalDescriptor;
-use rusb::{ConfigDescriptor, Context, Device, DeviceHandle, Direction, Speed, TransferType, UsbContext};
+use rusb::{Context, Device, DeviceHandle, Direction, Speed, TransferType, UsbContext};
 use std::fmt::{Display, Formatter};
 use std::io;
 use std::str::FromStr;
@@ -222,19 +222,16 @@ fn bytes_per_second(speed: Speed) -> Option<f64> {
 
 /// The descriptor that a DFU interface has besides its own; hosts find it behind any of its settings.
 pub(crate) fn dfu_descriptor(device: &Device<Context>, interface: u8) -> Option<FunctionalDescriptor> {
-    let configuration = configuration(device)?;
+    let configuration = device.active_config_descriptor().ok()?;
     let mut settings =
         configuration.interfaces().filter(|its| its.number() == interface).flat_map(|its| its.descriptors());
     settings.find_map(|setting| FunctionalDescriptor::from_bytes(setting.extra())?.ok())
 }
 
-fn configuration(device: &Device<Context>) -> Option<ConfigDescriptor> {
-    device.active_config_descriptor().or_else(|_| device.config_descriptor(0)).ok()
-}
-
 /// The stream and DFU among the interfaces of the device's configuration.
 fn interfaces(device: &Device<Context>) -> (Option<Endpoints>, Option<DfuInterface>) {
-    let Some(configuration) = configuration(device) else { return (None, None) };
+    // One that has just been plugged in has none yet, and nothing of it can be had.
+    let Ok(configuration) = device.active_config_descriptor() else { return (None, None) };
     let (mut endpoints, mut dfu) = (None, None);
     // Alternate setting 0, which is on by itself, tells for all.
     for setting in configuration.interfaces().filter_map(|interface| interface.descriptors().next()) {
