@@ -29,6 +29,11 @@ pub trait Endpoint {
     fn plug(&self) -> Option<u32> {
         Some(0)
     }
+
+    /// Whether it may start anew: not where something turns.
+    fn is_at_rest(&self) -> bool {
+        true
+    }
 }
 
 impl<E: Endpoint + ?Sized> Endpoint for Box<E> {
@@ -50,6 +55,10 @@ impl<E: Endpoint + ?Sized> Endpoint for Box<E> {
 
     fn plug(&self) -> Option<u32> {
         (**self).plug()
+    }
+
+    fn is_at_rest(&self) -> bool {
+        (**self).is_at_rest()
     }
 }
 

@@ -1,11 +1,11 @@
-//! A controller's firmware update over USB, without the bus: DFU 1.1 at `dfu-core`'s trait, in front of the boot loader's own code
-//! and a flash in memory.
+//! A controller's firmware update over USB: the requests of DFU 1.1, in front of the boot loader's own code and a flash in memory.
+//! They come by `dfu-core`'s trait, without a bus, or from the [simulated USB device](crate::usb::board).
 
 use crate::flash::{Chip, Region};
 use dfu_core::functional_descriptor::FunctionalDescriptor;
 use dfu_core::memory_layout::MemoryLayout;
 use dfu_core::{DfuIo, DfuProtocol, State, Status};
-use protocol::image::HEADER_BYTES;
+use protocol::image::Identity;
 use std::cell::RefCell;
 use std::rc::Rc;
 use thiserror::Error;
@@ -23,6 +23,23 @@ const SECTOR: usize = stm32h743::SECTOR as usize;
 const SECTORS: [usize; 3] = [sectors(stm32h743::ACTIVE), sectors(stm32h743::DOWNLOAD), sectors(stm32h743::STATE)];
 /// Bytes of a block.
 pub const BLOCK_BYTES: u16 = 1024;
+/// What it can do (DFU 1.1, section 4.1.3).
+pub const DESCRIPTOR: FunctionalDescriptor = FunctionalDescriptor {
+    can_download: true,
+    can_upload: false,
+    manifestation_tolerant: false,
+    will_detach: false,
+    detach_timeout: 0,
+    transfer_size: BLOCK_BYTES,
+    dfu_version: (1, 0x10),
+};
+
+// Requests (chapter 3).
+const DNLOAD: u8 = 1;
+const GETSTATUS: u8 = 3;
+const CLRSTATUS: u8 = 4;
+const GETSTATE: u8 = 5;
+const ABORT: u8 = 6;
 
 type Part = Region<WORD, SECTOR>;
 
@@ -116,23 +133,63 @@ impl Controller {
         self.0.borrow().decision
     }
 
+    /// The image that runs, which a device's product string ends with.
+    pub fn identity(&self) -> Option<Identity> {
+        match self.decision()? {
+            Decision::Run(header) | Decision::Try(header, _) => Some(header.identity()),
+            Decision::Wait(_) => None,
+        }
+    }
+
     /// Plugs it in, switched on again where power had failed. The alternate setting decides which versions it `accept`s.
     pub fn open(&self, accept: Accept) -> Result<Port, LoaderError> {
+        if self.is_gone() {
+            self.start()?;
+        }
+        self.accept(accept);
+        Ok(Port { controller: self.clone(), protocol: DfuProtocol::Dfu, descriptor: DESCRIPTOR })
+    }
+
+    /// Switches it on, or off and on again.
+    pub fn start(&self) -> Result<(), LoaderError> {
+        self.0.borrow_mut().start()
+    }
+
+    /// Whether it answers nothing, until it is [started](Self::start).
+    pub fn is_gone(&self) -> bool {
+        self.0.borrow().is_gone
+    }
+
+    /// Chooses which versions are taken.
+    pub fn accept(&self, accept: Accept) {
+        self.0.borrow_mut().accept = accept;
+    }
+
+    /// The host resets the bus: a controller that has an image whole starts anew.
+    pub fn reset(&self) {
+        let mut board = self.0.borrow_mut();
+        board.is_gone |= matches!(board.state, State::DfuManifestSync | State::DfuManifest);
+    }
+
+    /// A request of DFU 1.1 (chapter 3), with wValue and what comes with it: what is answered.
+    pub fn request(&self, request: u8, value: u16, bytes: &[u8]) -> Result<Vec<u8>, UsbError> {
         let mut board = self.0.borrow_mut();
         if board.is_gone {
-            board.start()?;
+            return Err(UsbError::Gone);
         }
-        board.accept = accept;
-        let descriptor = FunctionalDescriptor {
-            can_download: true,
-            can_upload: true,
-            manifestation_tolerant: false,
-            will_detach: false,
-            detach_timeout: 0,
-            transfer_size: BLOCK_BYTES,
-            dfu_version: (1, 0x10),
-        };
-        Ok(Port { controller: self.clone(), protocol: DfuProtocol::Dfu, descriptor })
+        match request {
+            DNLOAD => board.download(value, bytes).map(|()| Vec::new()),
+            GETSTATUS => Ok(board.report().to_vec()),
+            GETSTATE => Ok(vec![board.state.into()]),
+            CLRSTATUS | ABORT => {
+                (board.state, board.status, board.transfer, board.blocks) = (State::DfuIdle, Status::Ok, None, 0);
+                Ok(Vec::new())
+            }
+            _ => {
+                board.fail(Status::ErrStalledpkt);
+                Err(UsbError::Stalled)
+            }
+        }
     }
 }
 
@@ -239,12 +296,6 @@ pub struct Port {
     descriptor: FunctionalDescriptor,
 }
 
-const DNLOAD: u8 = 1;
-const UPLOAD: u8 = 2;
-const GETSTATUS: u8 = 3;
-const CLRSTATUS: u8 = 4;
-const ABORT: u8 = 6;
-
 impl DfuIo for Port {
     type Read = usize;
     type Write = usize;
@@ -252,51 +303,20 @@ impl DfuIo for Port {
     type Error = UsbError;
     type MemoryLayout = MemoryLayout;
 
-    fn read_control(&self, _: u8, request: u8, _: u16, buffer: &mut [u8]) -> Result<usize, UsbError> {
-        let mut board = self.controller.0.borrow_mut();
-        if board.is_gone {
-            return Err(UsbError::Gone);
-        }
-        let answer = match request {
-            GETSTATUS => board.report().to_vec(),
-            // What runs: its header.
-            UPLOAD if board.state == State::DfuIdle => match board.decision {
-                Some(Decision::Run(header)) => {
-                    board.state = State::DfuUploadIdle;
-                    header.to_bytes()[..HEADER_BYTES].to_vec()
-                }
-                _ => Vec::new(),
-            },
-            _ => {
-                board.fail(Status::ErrStalledpkt);
-                return Err(UsbError::Stalled);
-            }
-        };
+    fn read_control(&self, _: u8, request: u8, value: u16, buffer: &mut [u8]) -> Result<usize, UsbError> {
+        let answer = self.controller.request(request, value, &[])?;
         let count = answer.len().min(buffer.len());
         buffer[..count].copy_from_slice(&answer[..count]);
         Ok(count)
     }
 
     fn write_control(&self, _: u8, request: u8, value: u16, buffer: &[u8]) -> Result<usize, UsbError> {
-        let mut board = self.controller.0.borrow_mut();
-        if board.is_gone {
-            return Err(UsbError::Gone);
-        }
-        match request {
-            DNLOAD => board.download(value, buffer)?,
-            CLRSTATUS | ABORT => {
-                (board.state, board.status, board.transfer, board.blocks) = (State::DfuIdle, Status::Ok, None, 0);
-            }
-            _ => {
-                board.fail(Status::ErrStalledpkt);
-                return Err(UsbError::Stalled);
-            }
-        }
+        self.controller.request(request, value, buffer)?;
         Ok(buffer.len())
     }
 
     fn usb_reset(self) -> Result<(), UsbError> {
-        self.controller.0.borrow_mut().is_gone = true;
+        self.controller.reset();
         Ok(())
     }
 

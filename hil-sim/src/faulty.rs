@@ -193,6 +193,10 @@ impl<E: Endpoint> Endpoint for Faulty<E> {
     fn plug(&self) -> Option<u32> {
         (self.now_s >= self.plugged_at_s).then_some(self.plugs)
     }
+
+    fn is_at_rest(&self) -> bool {
+        self.endpoint.is_at_rest()
+    }
 }
 
 #[cfg(test)]

@@ -27,4 +27,6 @@ pub mod speed_drive;
 pub mod statistics;
 pub mod streaming;
 pub mod tuning;
+pub mod usb;
+pub mod usbip;
 pub mod world;

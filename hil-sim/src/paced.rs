@@ -163,6 +163,10 @@ impl<E: Endpoint> Endpoint for Paced<E> {
     fn plug(&self) -> Option<u32> {
         self.endpoint.plug()
     }
+
+    fn is_at_rest(&self) -> bool {
+        self.endpoint.is_at_rest()
+    }
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ use firmware::config::ConfigError;
 use firmware::hosted::Screen;
 use firmware::plane_store::{Plane, TurnHandle};
 use protocol::codec::plane_check;
+use protocol::message::State;
 use protocol::rig::Rig;
 use protocol::timing::Rotation;
 use protocol::units::Nanos;
@@ -161,6 +162,10 @@ impl Endpoint for Simulator {
     fn lose_link(&mut self) {
         self.device.lose_link();
     }
+
+    fn is_at_rest(&self) -> bool {
+        matches!(self.world.state(), State::Idle | State::Fault)
+    }
 }
 
 impl Subject for Simulator {
@@ -180,7 +185,7 @@ impl Subject for Simulator {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use protocol::message::{Command, State};
+    use protocol::message::Command;
     use protocol::timing::Direction;
     use protocol::units::Turns;
 

@@ -3,6 +3,7 @@
 
 use host::halftoned::Halftoned;
 use host::render::plan::{Halftone, Plan};
+use host::render::turn::Turn;
 use host::stream::TurnPlanes;
 use protocol::codec::{ByteStatistics, Codebook, Compressor, Expander, ImageSize, Mask, plane_check};
 use protocol::message::Knowledge;
@@ -10,7 +11,7 @@ use std::path::Path;
 use tests::{bunny, rig, turn};
 
 /// Whatever a device has to know first.
-fn knowledge(turn: &Halftoned<'_>, size: ImageSize) -> (Knowledge, Vec<u8>) {
+fn knowledge(turn: &Halftoned<&Turn>, size: ImageSize) -> (Knowledge, Vec<u8>) {
     if !turn.mask_ranks().is_empty() {
         return (Knowledge::Mask, turn.mask_ranks().iter().flat_map(|rank| rank.to_le_bytes()).collect());
     }
@@ -22,7 +23,7 @@ fn knowledge(turn: &Halftoned<'_>, size: ImageSize) -> (Knowledge, Vec<u8>) {
 }
 
 /// The plane of a turn that is as long as the mean of its compressed planes, or nearly so: as `planes.rs` there reads it.
-fn mean(turn: &Halftoned<'_>, size: ImageSize, (kind, known): &(Knowledge, Vec<u8>)) -> Vec<u8> {
+fn mean(turn: &Halftoned<&Turn>, size: ImageSize, (kind, known): &(Knowledge, Vec<u8>)) -> Vec<u8> {
     let mut compressor = Compressor::new(size);
     match kind {
         Knowledge::Mask => {

@@ -15,7 +15,10 @@ use protocol::message::{Fault, Faults, State};
 use protocol::units::Nanos;
 use serde_json::{Value, json};
 use std::fmt::Display;
-use std::path::Path;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+mod serve_usb;
 
 #[cfg(unix)]
 mod serve_serial;
@@ -59,6 +62,12 @@ pub(super) struct Args {
     /// Bits a second of a served serial line; ten are a byte
     #[arg(long, value_name = "N", default_value_t = BAUD, requires = "serve", value_parser = clap::value_parser!(u32).range(300..))]
     baud: u32,
+    /// Where a served USB device is offered
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:3240", requires = "serve")]
+    listen: SocketAddr,
+    /// The public key whose owner's firmware a served USB device takes; without one it takes none
+    #[arg(long, value_name = "FILE", requires = "serve")]
+    key: Option<PathBuf>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -67,6 +76,8 @@ pub(super) struct Args {
 /// What a served controller looks like.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Serve {
+    /// A USB device, by USB/IP
+    Usb,
     /// A serial port: a pseudo-terminal
     Serial,
 }
@@ -103,11 +114,14 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     };
     scenario.pacing = args.pacing.map_or(scenario.pacing, Leader::pacing);
     let refused = |error: &dyn Display| Failure(format!("{} with motor {}: {error}", args.rig, args.motor));
-    if let Some(Serve::Serial) = args.serve {
+    if let Some(serve) = args.serve {
         // The plain scenario is a start.
         scenario.events.retain(|_| args.scenario != PLAIN);
         let simulator = Simulator::new(&rig, motor, scenario, args.seed).map_err(|error| refused(&error))?;
-        return serve_serial(simulator, args);
+        return match serve {
+            Serve::Usb => serve_usb::run(simulator, args.seed, args.listen, args.key.as_deref(), args.json),
+            Serve::Serial => serve_serial(simulator, args),
+        };
     }
     let latency = Nanos::from_seconds(rig.projector.frame_latency_us * 1e-6);
     let mut world =

@@ -164,6 +164,10 @@ impl<E: Endpoint> Endpoint for Shared<E> {
     fn plug(&self) -> Option<u32> {
         self.lock().0.plug()
     }
+
+    fn is_at_rest(&self) -> bool {
+        self.lock().0.is_at_rest()
+    }
 }
 
 /// Links to one endpoint, which lives on between them: its time goes on where the last link ended.

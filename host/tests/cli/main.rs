@@ -9,6 +9,7 @@ mod measured;
 mod plan;
 mod render;
 mod rig;
+mod served;
 mod simulated;
 
 const TRIANGLE: &str = "v 0 0 0\nv 0.03 0 0\nv 0 0.03 0\nf 1 2 3\n";
