@@ -2,7 +2,7 @@
 
 use crate::usb::descriptors::{Descriptors, FROM_DEVICE};
 use crate::usb::{Completion, Outcome, Pipe, Setup, Transfer};
-use std::io::{self, Read};
+use std::io::{self, BufRead, Read};
 use thiserror::Error;
 
 /// Bytes of a transfer. What Linux lets all of a program's transfers have together is the same.
@@ -157,11 +157,12 @@ fn record(descriptors: &Descriptors) -> Vec<u8> {
 }
 
 /// Reads the next message; nothing where the client has left. It takes at most [`TRANSFER_BYTES_MAX`] of memory.
-pub fn read_command(from: &mut impl Read) -> Result<Option<Command>, UsbIpError> {
+pub fn read_command(from: &mut impl BufRead) -> Result<Option<Command>, UsbIpError> {
     // The client may leave between messages.
-    let Some(first) = from.by_ref().bytes().next().transpose()? else { return Ok(None) };
-    let mut header = [first; HEADER_BYTES];
-    from.read_exact(&mut header[1..])?;
+    if from.fill_buf()?.is_empty() {
+        return Ok(None);
+    }
+    let header = read::<HEADER_BYTES>(from)?;
     let word = |at: usize| u32::from_be_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
     let id = word(4);
     match word(0) {
