@@ -119,7 +119,7 @@ fn examine_into(
     findings.push(speed(probe.bytes_per_second(), carrier));
     findings.push(round_trip(&mut probe)?);
     let outcome = loopback::run(&mut probe, rig)?;
-    // What it left unfinished is abandoned.
+    // What it left unfinished goes with the next turn that somebody begins.
     probe.ask(HELLO)?;
     let measured = match outcome {
         Loopback::Whole { bytes, seconds, .. } if seconds > 0.0 => Some(bytes as f64 / seconds),

@@ -6,7 +6,7 @@ use dfu_core::functional_descriptor::FunctionalDescriptor;
 use dfu_core::synchronous::DfuSync;
 use dfu_core::{DfuIo, DfuProtocol, Status};
 use ed25519_dalek::{Digest, Sha512, Signature, Signer, SigningKey, VerifyingKey};
-use protocol::image::{BLOCK, Board, HEADER_BYTES, Header, Identity, ImageError, Version, split};
+use protocol::image::{BLOCK, Board, Header, Identity, ImageError, Version, split};
 use protocol::message::SCHEMA;
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
@@ -189,23 +189,8 @@ pub fn flash<D: Device>(
 // DFU 1.1, table 3.2: a request to the interface, of its class.
 const REQUEST_TYPE: u8 = 0b0010_0001;
 const DETACH: u8 = 0;
-const UPLOAD: u8 = 2;
 const GETSTATUS: u8 = 3;
-const CLRSTATUS: u8 = 4;
 const ABORT: u8 = 6;
-
-/// What runs on a device whose loader UPLOADs its header.
-pub fn uploaded<I: DfuIo<Read = usize, Write = usize>>(io: &I) -> Result<Option<Identity>, I::Error> {
-    let mut bytes = [0; HEADER_BYTES];
-    let mut upload = || io.read_control(REQUEST_TYPE, UPLOAD, 0, &mut bytes);
-    // A device that still minds an earlier failure refuses until it is told to forget. ABORT ends an upload.
-    let count = upload().or_else(|_| {
-        io.write_control(REQUEST_TYPE, CLRSTATUS, 0, &[])?;
-        upload()
-    })?;
-    io.write_control(REQUEST_TYPE, ABORT, 0, &[])?;
-    Ok(Header::parse(&bytes[..count.min(HEADER_BYTES)]).ok().map(|header| header.identity()))
-}
 
 fn send<D: Device>(
     device: &mut D,

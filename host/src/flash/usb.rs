@@ -1,6 +1,6 @@
 //! A device on this machine's USB, in its application or in its loader.
 
-use super::{DETACH, Device, FlashError, REQUEST_TYPE, uploaded};
+use super::{DETACH, Device, FlashError, REQUEST_TYPE};
 use crate::link::LinkError;
 use crate::link::usb::{DfuInterface, Found, Name, found};
 use dfu_core::functional_descriptor::FunctionalDescriptor;
@@ -109,15 +109,9 @@ impl Usb {
     }
 }
 
-/// What runs, as far as `found` tells: by UPLOAD where its loader has it, else in its product string.
-fn identity(found: &Found, dfu: DfuInterface) -> Result<Option<Identity>, FlashError> {
-    if dfu.is_loader {
-        let io = Io::open(found, dfu, 0)?;
-        if io.descriptor.can_upload {
-            return uploaded(&io).map_err(|error| FlashError::Device(error.to_string()));
-        }
-    }
-    Ok(found.product.as_deref().and_then(Identity::at_end_of))
+/// What runs, or would be started by its loader: its product string ends with it.
+fn running(found: &Found) -> Option<Identity> {
+    found.product.as_deref().and_then(Identity::at_end_of)
 }
 
 impl Device for Usb {
@@ -125,8 +119,7 @@ impl Device for Usb {
     type Io = Io;
 
     fn running(&mut self) -> Result<Option<Identity>, FlashError> {
-        let (found, dfu) = self.look()?;
-        identity(&found, dfu)
+        Ok(running(&self.look()?.0))
     }
 
     fn open(&mut self, takes_any: bool) -> Result<Io, FlashError> {
@@ -137,7 +130,7 @@ impl Device for Usb {
     fn settled(&mut self) -> Result<Option<Identity>, FlashError> {
         let enough = |dfu: DfuInterface, since| !dfu.is_loader || since >= LOADER_RESTS;
         let (found, dfu) = self.look_until(SETTLED_WITHIN, enough)?;
-        match identity(&found, dfu)? {
+        match running(&found) {
             None if !dfu.is_loader => Err(FlashError::Device("it has started, and does not tell what it runs".into())),
             running => Ok(running),
         }
