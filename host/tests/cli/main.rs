@@ -11,5 +11,6 @@ mod render;
 mod rig;
 mod served;
 mod simulated;
+mod streamed;
 
 const TRIANGLE: &str = "v 0 0 0\nv 0.03 0 0\nv 0 0.03 0\nf 1 2 3\n";
