@@ -26,7 +26,7 @@ fn a_picture_that_stands_still_is_rendered_and_sent_once() {
     let run = desk.run("stream boxes --device sim --rig small.toml --turns 12 --at-end stop --standby attract");
     let text = String::from_utf8(run.stdout).unwrap();
     assert_eq!(run.status.code(), Some(0), "{text}");
-    assert!(text.contains("planes kept") && text.contains("turns    12 sent"), "{text}");
+    assert!(text.contains("planes stayed") && text.contains("turns    12 sent"), "{text}");
     assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
     let order = desk.run("order stop --device sim --rig small.toml");
     assert_eq!(String::from_utf8(order.stdout).unwrap(), "sim: idle\n");

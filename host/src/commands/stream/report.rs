@@ -77,11 +77,6 @@ impl Report {
         let Self { totals, statistics, rates, .. } = self;
         let megabytes = |bytes: u64| bytes as f64 / 1e6;
         let ratio = rates.ratio.map(|ratio| format!(", {ratio:.1}:1")).unwrap_or_default();
-        let kept = if statistics.planes_kept > 0 {
-            format!(", {} planes kept", statistics.planes_kept)
-        } else {
-            String::new()
-        };
         let rate = |rate: Option<f64>| rate.map_or("any number of".into(), |rate| format!("{rate:.1}"));
         let mut lines = vec![
             format!(
@@ -89,7 +84,7 @@ impl Report {
                 totals.delivered, self.seconds, rates.turns_per_second, self.shown
             ),
             format!(
-                "wire     {:.1} MB of planes as {:.2} MB{ratio}, {} packets sent again{kept}",
+                "wire     {:.1} MB of planes as {:.2} MB{ratio}, {} packets sent again",
                 megabytes(statistics.bytes_raw),
                 megabytes(statistics.bytes_on_wire),
                 statistics.retries
@@ -103,6 +98,9 @@ impl Report {
             "dropped  {}: {} for newer ones, {} late, {} not taken",
             self.dropped, self.replaced, totals.late, totals.failed
         ));
+        if statistics.planes_kept > 0 {
+            lines.push(format!("kept     {} planes stayed as they were and were not sent", statistics.planes_kept));
+        }
         if totals.reconnects > 0 {
             lines.push(format!("lost     the device went away and came back {} time(s)", totals.reconnects));
         }
