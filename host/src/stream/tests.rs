@@ -9,6 +9,8 @@ use protocol::timing::Direction;
 use protocol::units::Turns;
 use std::collections::VecDeque;
 
+mod live;
+
 const SLICES: u32 = 24;
 /// Twelve frames at 240 Hz.
 const TURN_SECONDS: f64 = 0.05;

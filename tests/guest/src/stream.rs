@@ -83,12 +83,12 @@ fn held(cable: &Machine, number: u32) -> Option<Vec<u64>> {
     })
 }
 
-/// Sends a turn and sees that the device holds it as it is.
-fn send(cable: &Machine, stream: &mut Stream<UsbLink>, number: u32) -> Result<(), StreamError> {
+/// Sends a turn and sees that the device holds it as it is; its number there.
+fn send(cable: &Machine, stream: &mut Stream<UsbLink>, number: u32) -> Result<u32, StreamError> {
     let turn = Turn::new(number);
     let ticket = stream.submit(&turn)?;
     assert_eq!(held(cable, ticket.turn), Some(turn.checks()), "turn {number}");
-    Ok(())
+    Ok(ticket.turn)
 }
 
 /// Turns are held as they were sent, and come on screen.
@@ -96,9 +96,7 @@ pub fn turns_arrive_whole() {
     let (cable, mut stream) = machine();
     let start = Instant::now();
     const TURNS: u32 = 20;
-    for number in 1..=TURNS {
-        send(&cable, &mut stream, number).unwrap();
-    }
+    let last = (1..=TURNS).map(|number| send(&cable, &mut stream, number).unwrap()).last();
     let statistics = stream.statistics();
     println!(
         "{TURNS} turns in {:.2} s, {} bytes on the wire, {} retries",
@@ -107,7 +105,7 @@ pub fn turns_arrive_whole() {
         statistics.retries
     );
     let until = Instant::now() + PATIENCE;
-    while stream.poll(Duration::from_millis(20)).unwrap().and_then(|status| status.turn_on_screen) != Some(TURNS + 1) {
+    while stream.poll(Duration::from_millis(20)).unwrap().and_then(|status| status.turn_on_screen) != last {
         assert!(Instant::now() < until, "{:?}", stream.status());
     }
     let verdict = cable.ask(|port| port.function().endpoint().world().statistics().verdict);
@@ -138,7 +136,7 @@ pub fn a_bad_port_only_delays() {
     }
 }
 
-/// In the middle of a turn: it is told, and another link brings the next turn.
+/// In the middle of a turn: it is told, and over another link the turn goes on where it stopped.
 pub fn goes_on_after_the_plug_was_pulled() {
     let (cable, mut stream) = machine();
     for number in [1, 3] {
@@ -152,10 +150,11 @@ pub fn goes_on_after_the_plug_was_pulled() {
             send(&cable, &mut stream, number + 1).unwrap_err()
         });
         assert!(matches!(gone, StreamError::Link(LinkError::Gone)), "{gone:?}");
-        drop(stream);
         let link = patiently(|| UsbConnect::default().connect());
         cable.ask(|port| port.set_bytes_per_second(None));
-        stream = Stream::new(link, &rotation(SEED), size()).unwrap();
+        let resumed = stream.statistics().planes_resumed;
+        stream.reconnect(link).unwrap();
         send(&cable, &mut stream, number + 1).unwrap();
+        assert!(stream.statistics().planes_resumed > resumed, "{:?}", stream.statistics());
     }
 }
