@@ -59,7 +59,7 @@ pub enum StreamError {
         device_schema: u64,
     },
     /// See the message.
-    #[error("the device did not answer {message}, sent {attempts} times")]
+    #[error("the device did not answer {message}, sent {attempts} time(s): praxi doctor may say why")]
     NoAnswer {
         /// The message's name.
         message: &'static str,
@@ -93,6 +93,12 @@ pub enum StreamError {
         /// How often they were sent.
         attempts: usize,
     },
+    /// See the message.
+    #[error(
+        "the device holds turns that were cut otherwise: give the rig that they were streamed for, or switch the controller \
+         off and on"
+    )]
+    OtherTurns,
     /// Whoever gave the turn wants it no more.
     #[error("turn {turn} came too late and was left")]
     Left {
@@ -214,14 +220,11 @@ impl<L: Link> Stream<L> {
     }
 
     fn greet(&mut self) -> Result<(), StreamError> {
-        self.conversation.greet()?;
-        let answer = self.conversation.request(&Hello { version: VERSION, schema: SCHEMA }.into())?;
-        if let Answer::Hello { version, schema } = answer
-            && schema != SCHEMA
-        {
-            return Err(StreamError::Schema { device_version: version, device_schema: schema });
+        hello(&mut self.conversation)?;
+        match self.conversation.ask(&Configure::new(&self.rotation, self.size).into()) {
+            Err(StreamError::Refused { reason: Reason::Busy, .. }) => Err(StreamError::OtherTurns),
+            outcome => outcome,
         }
-        self.conversation.ask(&Configure::new(&self.rotation, self.size).into())
     }
 
     /// Sends `turn` and returns when the device has it whole; it comes on screen at the next index. Waits while both slots of
@@ -352,6 +355,29 @@ impl<L: Link> Stream<L> {
         }
         Ok(true)
     }
+}
+
+/// Greets a device; one of another version or schema is refused, both named.
+fn hello<L: Link>(conversation: &mut Conversation<L>) -> Result<(), StreamError> {
+    conversation.greet()?;
+    match conversation.request(&Hello { version: VERSION, schema: SCHEMA }.into())? {
+        Answer::Hello { version, schema } if schema != SCHEMA => {
+            Err(StreamError::Schema { device_version: version, device_schema: schema })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Gives the controller an order, whatever it shows, and returns what it does then, if it says so within `wait`.
+pub fn order<L: Link>(link: L, command: Command, wait: Duration) -> Result<Option<Status>, StreamError> {
+    let mut conversation = Conversation::new(link);
+    hello(&mut conversation)?;
+    conversation.ask(&Control { command }.into())?;
+    let until = conversation.link.now() + wait;
+    while conversation.link.now() < until {
+        conversation.listen(until.saturating_sub(conversation.link.now()))?;
+    }
+    Ok(conversation.status)
 }
 
 #[cfg(test)]

@@ -167,6 +167,10 @@ fn say(text: impl Display) {
         eprintln!("praxi: error: standard output: {error}");
         std::process::exit(2);
     }
+    if written.is_err() {
+        // Nobody reads: what goes on until it is interrupted ends.
+        INTERRUPTED.store(true, Ordering::Relaxed);
+    }
 }
 
 fn say_json(value: &serde_json::Value) {

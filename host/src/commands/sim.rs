@@ -60,7 +60,7 @@ pub(super) struct Args {
     #[arg(long, value_enum, conflicts_with = "seconds")]
     serve: Option<Serve>,
     /// Bits a second of a served serial line; ten are a byte
-    #[arg(long, value_name = "N", default_value_t = BAUD, requires = "serve", value_parser = clap::value_parser!(u32).range(300..))]
+    #[arg(long, value_name = "N", default_value_t = BAUD, requires = "serve", value_parser = clap::value_parser!(u32).range(300..=50_000_000))]
     baud: u32,
     /// Where a served USB device is offered
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:3240", requires = "serve")]

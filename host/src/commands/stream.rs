@@ -13,7 +13,8 @@ use crate::render::Renderer;
 use crate::render::plan::Halftone;
 use crate::render::turn::Turn;
 use crate::rigs;
-use crate::stream::live::{Live, Standby, Step};
+use crate::stream::StreamError;
+use crate::stream::live::{Live, Source, Standby, Step};
 use crate::stream::mailbox::Mailbox;
 use meter::Meter;
 pub(super) use meter::word;
@@ -29,6 +30,8 @@ use std::time::Duration;
 const DEADLINE: Duration = Duration::from_secs(1);
 /// When turns stop coming, the standby follows after this.
 const STANDBY_AFTER: Duration = Duration::from_secs(2);
+/// The last turn is on screen within three turns of the slowest mirror.
+const ON_SCREEN_WITHIN: Duration = Duration::from_secs(1);
 /// How long the mirror may take until it is in step.
 const LOCK_WITHIN: Duration = Duration::from_secs(60);
 
@@ -36,12 +39,13 @@ const LOCK_WITHIN: Duration = Duration::from_secs(60);
 #[derive(clap::Args)]
 #[command(after_help = "Examples: praxi stream bunny.glb --device usb --animate spin\n          \
     praxi stream builtin --device sim:usb --turns 100 --json\n\n\
-    The last turn stays on the display when the program ends: --at-end stop stops the mirror.")]
+    The last turn stays on the display when the program ends, until praxi order stop; --at-end stop stops the mirror.\n    \
+    Ctrl-C leaves the turn that is under way; pressed twice, it ends everything at once.")]
 pub(super) struct Args {
     /// .gltf, .glb, .obj or .ply files, or built-in scenes, each scaled to fill the display; several are shown one after the other
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<String>,
-    /// The controller: usb, usb:VID:PID[:SERIAL], /dev/ttyACM0[@BAUD], sim, sim:usb, sim:serial[@BAUD]
+    /// The controller: usb, usb:VID:PID[:SERIAL], /dev/ttyACM0[@BAUD], COM3[@BAUD], sim, sim:usb, sim:serial[@BAUD]
     #[arg(long, value_name = "DEVICE", default_value = "sim")]
     device: Address,
     /// A rig file, or reference, reference-180hz, high-viewer, tent
@@ -54,10 +58,10 @@ pub(super) struct Args {
     #[arg(long, value_enum)]
     animate: Option<Motion>,
     /// Turn a spinning scene by so many degrees in each turn of the mirror
-    #[arg(long, value_name = "DEGREES", default_value_t = 2.0, value_parser = degrees, allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEGREES", default_value_t = 2.0, requires = "animate", value_parser = degrees, allow_negative_numbers = true)]
     spin_deg: f64,
     /// The clip of this name, in place of the file's first one
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", requires = "animate")]
     clip: Option<String>,
     /// Of several scenes, show each for so many turns of the mirror
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..))]
@@ -105,7 +109,7 @@ enum StandbyArg {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum AtEnd {
-    /// The mirror goes on, with what stands then
+    /// The mirror goes on, with what stands then, until praxi order stop
     Leave,
     /// The mirror stops, dark
     Stop,
@@ -133,9 +137,14 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let standby = standby(args, &rig, renderer.as_ref())?;
     let simulated = Simulated { rig: rig.clone(), seed: args.seed, clock: Clock::Wall };
     let named = |error: &dyn std::fmt::Display| Failure(format!("{}: {error}", args.device));
-    let way = args.device.way(&simulated).map_err(|error| named(&error))?;
+    let way = args.device.way(&simulated)?;
     let look_for = Duration::from_secs_f64(args.look_for_s);
-    let mut display = Live::new(way, &rig.rotation(), size, [DEADLINE, look_for]).map_err(|error| named(&error))?;
+    let display = Live::new(way, &rig.rotation(), size, [DEADLINE, look_for]);
+    let mut display = display.map_err(|error| match error {
+        // These name the device.
+        StreamError::Link(error) => Failure(error.to_string()),
+        error => named(&error),
+    })?;
     if let Some(turn) = standby {
         display.set_standby(Standby { after: STANDBY_AFTER, turn });
     }
@@ -182,7 +191,7 @@ fn show(
     wants_more: &dyn Fn() -> bool,
 ) -> Result<Meter, Failure> {
     let mut meter = Meter::new(args.json, rig, display.now());
-    let mut source = mailbox.clone();
+    let mut source = UntilInterrupted { mailbox: mailbox.clone(), wants_more };
     spin_up(args, display, &mut meter, wants_more)?;
     meter.start(display);
     while wants_more() && args.turns.is_none_or(|turns| display.totals().delivered < turns) && !mailbox.is_closed() {
@@ -200,16 +209,16 @@ fn show(
         start(display)?;
         meter.tell(display, mailbox);
     }
+    let until = display.now() + ON_SCREEN_WITHIN;
+    while !display.shows_last() && display.is_connected() && display.now() < until {
+        step(args, display, &mut Nothing)?;
+    }
     meter.clear();
     Ok(meter)
 }
 
 /// One step; a fault of the controller ends the stream.
-fn step(
-    args: &Args,
-    display: &mut Display,
-    source: &mut impl crate::stream::live::Source<Turn = Picture>,
-) -> Result<Step, Failure> {
+fn step(args: &Args, display: &mut Display, source: &mut impl Source<Turn = Picture>) -> Result<Step, Failure> {
     let named = |error: &dyn std::fmt::Display| Failure(format!("{}: {error}", args.device));
     let step = display.step(source).map_err(|error| named(&error))?;
     let fault = display.status().filter(|status| status.state == State::Fault).and_then(|status| status.fault);
@@ -266,10 +275,32 @@ fn leave(args: &Args, display: &mut Display) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Turns until Ctrl-C.
+struct UntilInterrupted<'a> {
+    mailbox: Mailbox<Picture>,
+    wants_more: &'a dyn Fn() -> bool,
+}
+
+impl Source for UntilInterrupted<'_> {
+    type Turn = Picture;
+
+    fn take(&mut self, now: Duration) -> Option<Picture> {
+        self.mailbox.take(now)
+    }
+
+    fn has_newer(&mut self, now: Duration) -> bool {
+        self.mailbox.has_newer(now)
+    }
+
+    fn is_over(&mut self) -> bool {
+        !(self.wants_more)()
+    }
+}
+
 /// A source without turns.
 struct Nothing;
 
-impl crate::stream::live::Source for Nothing {
+impl Source for Nothing {
     type Turn = Picture;
 
     fn take(&mut self, _now: Duration) -> Option<Picture> {

@@ -1,7 +1,7 @@
 //! Turns that never stop: the newest one wins, a lost device is looked for, and every turn is delivered or counted as dropped.
 
 use super::{Statistics, Stream, StreamError, Ticket, TurnPlanes};
-use crate::link::{Connect, Link};
+use crate::link::{Connect, Link, LinkError};
 use protocol::codec::ImageSize;
 use protocol::message::{Command, Faults, Reason, Status};
 use protocol::timing::Rotation;
@@ -22,6 +22,11 @@ pub trait Source {
 
     /// Whether [`take`](Self::take) would give one.
     fn has_newer(&mut self, now: Duration) -> bool;
+
+    /// Whether nobody wants turns any more: the one that is under way is left.
+    fn is_over(&mut self) -> bool {
+        false
+    }
 }
 
 /// What became of the turns that were taken from a source.
@@ -61,10 +66,46 @@ pub struct Standby<T> {
     pub turn: T,
 }
 
+/// A link that can be let go of: while a device is looked for, nobody may hold it, not even this program.
+struct Held<L> {
+    link: Option<L>,
+    /// When it was let go of.
+    until: Duration,
+}
+
+impl<L: Link> Held<L> {
+    fn new(link: L) -> Self {
+        Self { link: Some(link), until: Duration::ZERO }
+    }
+
+    fn let_go(&mut self) {
+        self.until = self.now();
+        self.link = None;
+    }
+}
+
+impl<L: Link> Link for Held<L> {
+    fn send(&mut self, bytes: &[u8]) -> Result<usize, LinkError> {
+        self.link.as_mut().map_or(Err(LinkError::Gone), |link| link.send(bytes))
+    }
+
+    fn receive(&mut self, into: &mut Vec<u8>, wait: Duration) -> Result<usize, LinkError> {
+        self.link.as_mut().map_or(Err(LinkError::Gone), |link| link.receive(into, wait))
+    }
+
+    fn now(&self) -> Duration {
+        self.link.as_ref().map_or(self.until, Link::now)
+    }
+
+    fn bytes_per_second(&self) -> Option<f64> {
+        self.link.as_ref().and_then(Link::bytes_per_second)
+    }
+}
+
 /// A stream that goes on.
 pub struct Live<C: Connect, T> {
     connect: C,
-    stream: Stream<C::Link>,
+    stream: Stream<Held<C::Link>>,
     /// A turn is left for a newer one when it was taken this long ago, or three times as long as the last one took if that is longer: on a
     /// slow link the next one would not be there sooner.
     deadline: Duration,
@@ -77,6 +118,8 @@ pub struct Live<C: Connect, T> {
     current: Option<(T, Duration)>,
     /// When the last turn came; nothing while the standby stands.
     fed_at: Option<Duration>,
+    /// The last turn that was delivered.
+    last: Option<Ticket>,
     /// How long the device has been away, and how long to wait next.
     away: Option<[Duration; 2]>,
     totals: Totals,
@@ -91,10 +134,10 @@ impl<C: Connect, T: TurnPlanes> Live<C, T> {
         size: ImageSize,
         [deadline, look_for]: [Duration; 2],
     ) -> Result<Self, StreamError> {
-        let stream = Stream::new(connect.connect()?, rotation, size)?;
+        let stream = Stream::new(Held::new(connect.connect()?), rotation, size)?;
         let fed_at = Some(stream.link().now());
-        let (took, standby, current, away, totals) = (None, None, None, None, Totals::default());
-        Ok(Self { connect, stream, deadline, took, look_for, standby, current, fed_at, away, totals })
+        let (took, standby, current, last, away, totals) = (None, None, None, None, None, Totals::default());
+        Ok(Self { connect, stream, deadline, took, look_for, standby, current, fed_at, last, away, totals })
     }
 
     /// What is shown when no turns come; without it, the last one stays.
@@ -117,7 +160,8 @@ impl<C: Connect, T: TurnPlanes> Live<C, T> {
         let Some((turn, since)) = &self.current else { return self.stand_by(now) };
         let (deadline, since) = (self.took.map(|took| self.deadline.max(3 * took)), *since);
         let is_late = |now: Duration| {
-            deadline.is_some_and(|deadline| now.saturating_sub(since) > deadline) && source.has_newer(now)
+            let is_due = deadline.is_some_and(|deadline| now.saturating_sub(since) > deadline);
+            source.is_over() || is_due && source.has_newer(now)
         };
         let sent = self.stream.submit_unless(turn, is_late);
         let now = self.stream.link().now();
@@ -125,6 +169,7 @@ impl<C: Connect, T: TurnPlanes> Live<C, T> {
         match sent {
             Ok(ticket) => {
                 self.current = None;
+                self.last = Some(ticket);
                 self.totals.delivered += 1;
                 Ok(Step::Delivered(ticket))
             }
@@ -166,6 +211,12 @@ impl<C: Connect, T: TurnPlanes> Live<C, T> {
         self.fed_at.is_none()
     }
 
+    /// Whether the last turn that was delivered has come on screen.
+    pub fn shows_last(&self) -> bool {
+        let on_screen = self.stream.status().and_then(|status| status.turn_on_screen);
+        self.last.is_none_or(|last| on_screen == Some(last.turn))
+    }
+
     /// The link's time.
     pub fn now(&self) -> Duration {
         self.stream.link().now()
@@ -177,6 +228,7 @@ impl<C: Connect, T: TurnPlanes> Live<C, T> {
     }
 
     fn lose(&mut self) {
+        self.stream.link_mut().let_go();
         self.away = Some([Duration::ZERO, BACK_OFF[0]]);
     }
 
@@ -197,7 +249,11 @@ impl<C: Connect, T: TurnPlanes> Live<C, T> {
 
     /// Looks for a device that has been `away`; waits for `wait` where it is not there.
     fn look(&mut self, away: Duration, wait: Duration) -> Result<Step, StreamError> {
-        let back = self.connect.connect().map_err(StreamError::from).and_then(|link| self.stream.reconnect(link));
+        let link = self.connect.connect().map_err(StreamError::from);
+        let back = link.and_then(|link| self.stream.reconnect(Held::new(link)));
+        if back.is_err() {
+            self.stream.link_mut().let_go();
+        }
         match back {
             Ok(()) => {
                 self.away = None;

@@ -251,7 +251,7 @@ fn a_silent_device_is_reported() {
     let rates = FaultRates { drop: 1.0, ..FaultRates::default() };
     let silent = Faulty::new(Player::new(true, small()), rates, 1);
     let refused = Stream::new(SimLink::new(silent), &rotation(SLICES), small()).unwrap_err();
-    assert_eq!(refused.to_string(), "the device did not answer Hello, sent 10 times");
+    assert_eq!(refused.to_string(), "the device did not answer Hello, sent 10 time(s): praxi doctor may say why");
 }
 
 #[test]

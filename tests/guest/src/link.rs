@@ -1,6 +1,6 @@
 //! The host's USB link.
 
-use crate::bare::{self, MEGABYTE, PATIENCE, median, open, patiently};
+use crate::bare::{self, MEGABYTE, PATIENCE, open, patiently};
 use crate::cable::Cable;
 use crate::controller::{Sink, board};
 use host::link::usb::UsbLink;
@@ -54,8 +54,9 @@ pub fn is_as_fast_as_a_bare_loop() {
         let bare = bare::speed(&open(), size, TOTAL);
         [bare, speed(&counted, size), speed(&counted, PACKET)]
     });
-    let [bare, link, packets] = [0, 1, 2].map(|at| median(runs.map(|run| run[at])));
-    let [share, packets_share] = [1, 2].map(|at| median(runs.map(|run| run[at] / run[0])));
+    // The best of each: whatever else the machine does only takes away.
+    let [bare, link, packets] = [0, 1, 2].map(|at| runs.iter().map(|run| run[at]).fold(0.0, f64::max));
+    let [share, packets_share] = [link / bare, packets / bare];
     println!("bare loop, writes of {size} bytes: {bare:.1} MB/s");
     println!("UsbLink, the same pieces: {link:.1} MB/s, {share:.2} of it; at least {SHARE} is wanted");
     println!("UsbLink, pieces of {PACKET} bytes: {packets:.1} MB/s, {packets_share:.2} of it");

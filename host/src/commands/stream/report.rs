@@ -18,6 +18,8 @@ pub(super) struct Report {
     shown: u32,
     replaced: u64,
     dropped: u64,
+    /// Sent while two waited, of which the device shows the newer one; or not shown as the mirror fell out of step.
+    passed_over: u64,
     rendering: Rendering,
     error_slices: Option<f64>,
 }
@@ -31,6 +33,7 @@ impl Report {
         rendering: Rendering,
     ) -> Self {
         let (rates, seconds, shown) = meter.overall(display);
+        let passed_over = display.totals().delivered.saturating_sub(shown.into());
         Self {
             device: args.device.to_string(),
             totals: display.totals(),
@@ -39,13 +42,14 @@ impl Report {
             seconds,
             shown,
             replaced: mailbox.counts()[1],
-            dropped: dropped(display, mailbox),
+            dropped: dropped(display, mailbox) + passed_over,
+            passed_over,
             rendering,
             error_slices: display.status().filter(|status| status.measured).map(|status| meter.error_slices(status)),
         }
     }
 
-    /// Turns a second that the link carries, if that was so few that it can be told.
+    /// Turns a second that are compressed and carried, if that was so few that it can be told.
     fn keeps_up(&self) -> Option<f64> {
         let seconds = self.statistics.sending.as_secs_f64();
         (seconds > 1e-3).then(|| self.statistics.turns as f64 / seconds)
@@ -64,7 +68,7 @@ impl Report {
             "turns": totals.delivered, "turns_shown": self.shown, "turns_rendered": self.rendering.turns,
             "turns_per_second": rates.turns_per_second,
             "link_turns_per_second": self.keeps_up(), "rendered_turns_per_second": self.renders(),
-            "dropped": { "all": self.dropped, "replaced": self.replaced, "late": totals.late, "failed": totals.failed },
+            "dropped": { "all": self.dropped, "replaced": self.replaced, "late": totals.late, "failed": totals.failed, "passed_over": self.passed_over },
             "reconnects": totals.reconnects,
             "bytes_raw": statistics.bytes_raw, "bytes_on_wire": statistics.bytes_on_wire, "ratio": rates.ratio,
             "bytes_per_second": rates.bytes_per_second, "packets": statistics.packets, "retries": statistics.retries,
@@ -89,14 +93,14 @@ impl Report {
                 megabytes(statistics.bytes_on_wire),
                 statistics.retries
             ),
-            format!("keeps up {} turns a second by the link", rate(self.keeps_up())),
+            format!("keeps up {} turns a second, compressed and sent on this machine", rate(self.keeps_up())),
         ];
         if let Some(renders) = self.renders() {
             lines.push(format!("         {renders:.1} turns a second by rendering"));
         }
         lines.push(format!(
-            "dropped  {}: {} for newer ones, {} late, {} not taken",
-            self.dropped, self.replaced, totals.late, totals.failed
+            "dropped  {}: {} for newer ones, {} late, {} not taken, {} passed over",
+            self.dropped, self.replaced, totals.late, totals.failed, self.passed_over
         ));
         if statistics.planes_kept > 0 {
             lines.push(format!("kept     {} planes stayed as they were and were not sent", statistics.planes_kept));
