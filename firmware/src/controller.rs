@@ -50,6 +50,8 @@ pub enum Input {
     TurnReady(TurnHandle),
     /// A safety input changed.
     Levels(Levels),
+    /// All turns are to be given back. One that is driven, or lit in service, keeps them.
+    Vacate,
 }
 
 /// What to do from now on, until the next output.
@@ -180,6 +182,10 @@ impl Controller {
             Input::Command(command) => self.command(now, command),
             Input::TurnReady(turn) => output.released[1] = self.sequencer.ready(turn),
             Input::Levels(levels) => self.safety.levels(now, levels),
+            Input::Vacate if self.safety.state().is_at_rest() => {
+                (output.armed, output.released) = (Some(Frame::Dark), self.sequencer.vacate());
+            }
+            Input::Vacate => {}
         }
         self.settle(now, &mut output);
         output

@@ -27,6 +27,8 @@ const TURNS_MAX: usize = 8;
 pub enum Request {
     /// Another rotation and image size: earlier turns are gone.
     Configured(Rotation, ImageSize),
+    /// A host has turns that are cut otherwise: those that there are are to be given back, where nothing is lit.
+    Vacate,
     /// An order of the host.
     Command(Command),
     /// A turn that may be shown. It stays in the store until [`Conversation::release`].
@@ -185,6 +187,9 @@ impl<S: PlaneStore> Conversation<S> {
         let done = match message {
             Message::Hello(hello) => return (self.hello(sequence, hello), None),
             _ if !self.connected => Err(Reason::NotConnected),
+            Message::Configure(configure) if self.is_in_the_way_of(configure) => {
+                return (self.refuse(sequence, Reason::Busy), Some(Request::Vacate));
+            }
             Message::Configure(configure) => self.configure(configure),
             Message::BeginTurn(begin) => self.begin(begin).map(|()| None),
             Message::Learn(learn) => self.store.learn(learn).map(|()| None).map_err(Into::into),
@@ -247,14 +252,16 @@ impl<S: PlaneStore> Conversation<S> {
         HelloReply { answers, version: VERSION, schema: SCHEMA }.into()
     }
 
+    /// Whether turns that are cut otherwise are shown or wait. Only the controller knows what is lit, so that it decides what becomes of them.
+    fn is_in_the_way_of(&self, configure: &Configure) -> bool {
+        !self.finished.is_empty() && self.configured != Some(*configure) && configure.parts().is_ok()
+    }
+
     fn configure(&mut self, configure: &Configure) -> Result<Option<Request>, Reason> {
         if self.configured == Some(*configure) {
             return Ok(None);
         }
         let (rotation, size) = configure.parts().map_err(|_| Reason::Configuration)?;
-        if !self.finished.is_empty() {
-            return Err(Reason::Busy);
-        }
         self.abandon();
         self.store.configure(configure.slices, size).map_err(Into::into)?;
         self.configured = Some(*configure);

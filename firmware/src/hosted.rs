@@ -65,6 +65,7 @@ impl Hosted {
         match request {
             Request::Command(command) => Some(self.step(now, Input::Command(command))),
             Request::TurnReady(turn) if self.matches_host => Some(self.step(now, Input::TurnReady(turn))),
+            Request::Vacate => Some(self.step(now, Input::Vacate)),
             // Cut for another rotation than the controller's: given back unseen.
             Request::TurnReady(turn) => Some(Output { released: [Some(turn), None], armed: None, ..self.output }),
             Request::Configured(rotation, _) => {

@@ -36,4 +36,5 @@ pub mod station;
 pub mod time_base;
 pub mod trajectory;
 pub mod velocity_lock;
+pub mod video_index;
 pub mod wire_end;

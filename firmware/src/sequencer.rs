@@ -87,6 +87,13 @@ impl Sequencer {
         (self.shown.map_or(Frame::Dark, |turn| Frame::Still { turn, slice }), released)
     }
 
+    /// Gives back the turns that it holds; of three, the third with the next call.
+    pub fn vacate(&mut self) -> [Option<TurnHandle>; 2] {
+        self.open = false;
+        let mut held = [&mut self.leaving, &mut self.waiting, &mut self.shown].into_iter().filter_map(Option::take);
+        [held.next(), held.next()]
+    }
+
     /// Light is not allowed: the turn may only begin again at the index.
     pub fn close(&mut self) {
         self.open = false;
@@ -128,6 +135,7 @@ mod tests {
         Arm(u32, bool),
         Jump(u32),
         Still(u16),
+        Vacate,
         Close,
     }
 
@@ -137,6 +145,7 @@ mod tests {
             6 => (1u32..2, prop::bool::weighted(0.9)).prop_map(|(step, lit)| Action::Arm(step, lit)),
             1 => (0u32..6).prop_map(Action::Jump),
             1 => (0u16..144).prop_map(Action::Still),
+            1 => Just(Action::Vacate),
             1 => Just(Action::Close),
         ]
     }
@@ -176,6 +185,15 @@ mod tests {
                         let still = matches!(shown, Frame::Dark | Frame::Still { .. });
                         prop_assert!(still);
                         (None, released)
+                    }
+                    Action::Vacate => {
+                        last = None;
+                        let first = sequencer.vacate();
+                        let given: Vec<_> = first.into_iter().chain(sequencer.vacate()).flatten().collect();
+                        prop_assert_eq!(given.len(), held.len(), "all of them, once");
+                        prop_assert!(given.iter().all(|turn| held.contains(turn)));
+                        held.clear();
+                        (None, None)
                     }
                     Action::Close => {
                         last = None;

@@ -82,6 +82,20 @@ fn only_an_idle_controller_is_put_aside() {
 }
 
 #[test]
+fn a_mirror_at_rest_gives_its_turns_back() {
+    let mut station = station();
+    let vacate = || Some(Event::Request(Request::Vacate));
+    let turn = |number| Some(Event::Request(Request::TurnReady(TurnHandle(number))));
+    outputs(&mut station, 1, turn(0), Levels::default());
+    assert_eq!(outputs(&mut station, 2, vacate(), Levels::default())[0].released, [Some(TurnHandle(0)), None]);
+    assert_eq!(outputs(&mut station, 3, vacate(), Levels::default())[0].released, [None; 2]);
+    outputs(&mut station, 4, turn(1), Levels::default());
+    assert_eq!(state(&mut station, 5, START), State::SpinUp);
+    let kept = outputs(&mut station, 6, vacate(), Levels::default())[0];
+    assert_eq!((kept.released, kept.armed), ([None; 2], None));
+}
+
+#[test]
 fn a_guard_that_opens_while_the_host_configures_is_not_forgotten() {
     let mut station = station();
     let guard = Levels { guard_open: true, ..Levels::default() };

@@ -20,6 +20,8 @@ pub struct Plant {
     coulomb: f64,
     drag: f64,
     torque_max: f64,
+    /// The share of it that the drive gives now.
+    torque_share: f64,
     lag_s: f64,
     ripple: Harmonic,
     harmonics: Vec<Harmonic>,
@@ -91,6 +93,7 @@ impl Plant {
             coulomb: figures.coulomb_friction_nm,
             drag: figures.air_drag_nm_s2,
             torque_max: figures.max_torque_nm,
+            torque_share: 1.0,
             lag_s: 1.0 / (TAU * figures.torque_loop_bandwidth_hz),
             ripple,
             harmonics,
@@ -117,15 +120,16 @@ impl Plant {
         self.load = torque_nm;
     }
 
-    /// The drive gives `share` of the torque that it gave, from now on.
+    /// The drive gives `share` of its torque from now on.
     pub fn limit_torque(&mut self, share: f64) {
-        self.torque_max *= share;
+        self.torque_share = share;
         self.set_command(self.command);
     }
 
     /// What the drive is told from now on, N m.
     pub fn set_command(&mut self, torque_nm: f64) {
-        self.command = torque_nm.clamp(-self.torque_max, self.torque_max);
+        let most = self.torque_share * self.torque_max;
+        self.command = torque_nm.clamp(-most, most);
     }
 
     /// Radians, unwrapped.
@@ -197,7 +201,7 @@ impl Plant {
         for _ in 0..2_000 {
             let middle = at + 0.5 * step;
             let friction = self.coulomb * middle.signum() + (self.viscous + self.drag * middle.abs()) * middle;
-            let acceleration = (towards * self.torque_max + self.load - friction) / self.inertia;
+            let acceleration = (towards * self.torque_share * self.torque_max + self.load - friction) / self.inertia;
             if acceleration * towards <= 0.0 {
                 return f64::INFINITY;
             }

@@ -97,3 +97,13 @@ fn full_torque_without_friction_takes_inertia_times_speed_over_torque() {
     let reference = Plant::new(&Motor::reference().plant, 1);
     assert_eq!(reference.torque_limited_seconds(1e4), f64::INFINITY);
 }
+
+#[test]
+fn a_supply_that_sagged_comes_back_whole() {
+    let mut plant = Plant::new(&Motor::reference().plant, 1);
+    let limited = plant.torque_limited_seconds(100.0);
+    plant.limit_torque(0.5);
+    assert!(plant.torque_limited_seconds(100.0) > 1.9 * limited);
+    plant.limit_torque(1.0);
+    assert_eq!(plant.torque_limited_seconds(100.0), limited);
+}

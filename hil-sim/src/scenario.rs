@@ -313,29 +313,36 @@ fn problem(text: &str, error: &toml::de::Error) -> String {
 
 impl Event {
     fn check(&self, place: &str) -> Result<(), ValueError> {
+        Range { least: 0.0, most: 1e6 }.check(&format!("{place}.at_s"), self.at_s)?;
+        self.action.check(&format!("{place}.do"))
+    }
+}
+
+impl Action {
+    /// Whether its figures are in their ranges; `place` says whose they are.
+    pub fn check(&self, place: &str) -> Result<(), ValueError> {
         let long = Range { least: 0.0, most: 1e6 };
-        long.check(&format!("{place}.at_s"), self.at_s)?;
-        match self.action {
-            Action::NoFramePulses { seconds }
-            | Action::NoPlanePulses { seconds }
-            | Action::NoIndexPulses { seconds }
-            | Action::EncoderFrozen { seconds }
-            | Action::DoubledPulses { seconds }
-            | Action::NoControlTicks { seconds } => long.check(&format!("{place}.do.*.seconds"), seconds),
-            Action::ProjectorRate { hz } => {
-                Range { least: 1.0, most: 10_000.0 }.check(&format!("{place}.do.projector-rate.hz"), hz)
+        match *self {
+            Self::NoFramePulses { seconds }
+            | Self::NoPlanePulses { seconds }
+            | Self::NoIndexPulses { seconds }
+            | Self::EncoderFrozen { seconds }
+            | Self::DoubledPulses { seconds }
+            | Self::NoControlTicks { seconds } => long.check(&format!("{place}.*.seconds"), seconds),
+            Self::ProjectorRate { hz } => {
+                Range { least: 1.0, most: 10_000.0 }.check(&format!("{place}.projector-rate.hz"), hz)
             }
-            Action::PulseJitter { us } => {
-                Range { least: 0.0, most: 100.0 }.check(&format!("{place}.do.pulse-jitter.us"), us)
+            Self::PulseJitter { us } => {
+                Range { least: 0.0, most: 100.0 }.check(&format!("{place}.pulse-jitter.us"), us)
             }
-            Action::TorqueLimit { share } => {
-                Range { least: 0.0, most: 1.0 }.check(&format!("{place}.do.torque-limit.share"), share)
+            Self::TorqueLimit { share } => {
+                Range { least: 0.0, most: 1.0 }.check(&format!("{place}.torque-limit.share"), share)
             }
-            Action::ShiftPhase { turns } => {
-                Range { least: -0.5, most: 0.5 }.check(&format!("{place}.do.shift-phase.turns"), turns)
+            Self::ShiftPhase { turns } => {
+                Range { least: -0.5, most: 0.5 }.check(&format!("{place}.shift-phase.turns"), turns)
             }
-            Action::Load { torque_nm } => {
-                Range { least: -1e4, most: 1e4 }.check(&format!("{place}.do.load.torque_nm"), torque_nm)
+            Self::Load { torque_nm } => {
+                Range { least: -1e4, most: 1e4 }.check(&format!("{place}.load.torque_nm"), torque_nm)
             }
             _ => Ok(()),
         }

@@ -10,18 +10,31 @@ pub const STEP: Duration = Duration::from_millis(1);
 pub const LAG_MAX: Duration = Duration::from_millis(250);
 
 /// How far a simulation is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pump {
+    /// What is further behind is left out.
+    lag_max: Duration,
     /// Simulated time that has passed.
     simulated: Duration,
     /// Wall time that was left out.
     skipped: Duration,
 }
 
+impl Default for Pump {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Pump {
-    /// Nothing has passed.
+    /// Nothing has passed. What is more than [`LAG_MAX`] behind is left out.
     pub fn new() -> Self {
-        Self::default()
+        Self::lagging(LAG_MAX)
+    }
+
+    /// The same for another lag.
+    pub fn lagging(lag_max: Duration) -> Self {
+        Self { lag_max, simulated: Duration::ZERO, skipped: Duration::ZERO }
     }
 
     /// Simulated time that has passed.
@@ -29,9 +42,29 @@ impl Pump {
         self.simulated
     }
 
-    /// Wall time that was left out, as the simulation was more than [`LAG_MAX`] behind.
+    /// Wall time that was left out, as the simulation was too far behind.
     pub fn skipped(&self) -> Duration {
         self.skipped
+    }
+
+    /// Whether a whole [`STEP`] is due at `wall`, the time on the wall's clock since the start: then it counts as done.
+    pub fn step(&mut self, wall: Duration) -> bool {
+        let is_due = self.behind(wall) >= STEP;
+        self.simulated += if is_due { STEP } else { Duration::ZERO };
+        is_due
+    }
+
+    /// How long after `wall` the next whole [`STEP`] is due; nothing where it is.
+    pub fn wait(&self, wall: Duration) -> Duration {
+        (self.simulated + self.skipped + STEP).saturating_sub(wall)
+    }
+
+    /// How far simulated time is behind `wall`, less what is left out.
+    fn behind(&mut self, wall: Duration) -> Duration {
+        let behind = wall.saturating_sub(self.simulated + self.skipped);
+        let left_out = behind.saturating_sub(self.lag_max);
+        self.skipped += left_out;
+        behind - left_out
     }
 
     /// Lets `endpoint` catch up with `wall`, the time on the wall's clock since the start, in steps of at most [`STEP`]. `exchange` moves bytes
@@ -43,11 +76,9 @@ impl Pump {
         endpoint: &mut E,
         mut exchange: impl FnMut(&mut E) -> Result<(), X>,
     ) -> Result<(), X> {
-        let behind = wall.saturating_sub(self.simulated + self.skipped);
-        self.skipped += behind.saturating_sub(LAG_MAX);
         exchange(endpoint)?;
         loop {
-            let step = wall.saturating_sub(self.simulated + self.skipped).min(STEP);
+            let step = self.behind(wall).min(STEP);
             if step.is_zero() {
                 return Ok(());
             }
@@ -110,6 +141,18 @@ mod tests {
         assert_eq!((pump.simulated(), pump.skipped()), (LAG_MAX, Duration::from_secs(3_600) - LAG_MAX));
         catch_up(&mut pump, Duration::from_millis(3_600_001), &mut clock);
         assert_eq!(clock.steps.len(), 251);
+    }
+
+    #[test]
+    fn whole_steps_are_done_one_by_one() {
+        let mut pump = Pump::new();
+        let ms = Duration::from_millis;
+        assert_eq!((pump.wait(Duration::ZERO), pump.step(Duration::from_micros(999))), (STEP, false));
+        assert_eq!([0; 4].map(|_| pump.step(ms(3))), [true, true, true, false]);
+        assert_eq!((pump.simulated(), pump.wait(ms(3)), pump.wait(ms(9))), (ms(3), STEP, Duration::ZERO));
+        // After a long sleep it is only so far behind.
+        assert_eq!((0..).take_while(|_| pump.step(ms(10_000))).count(), 250);
+        assert_eq!(pump.simulated() + pump.skipped(), ms(10_000));
     }
 
     #[test]

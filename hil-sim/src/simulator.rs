@@ -3,20 +3,35 @@
 use crate::device::{Device, Endpoint, Input, Report};
 use crate::eye::{Flash, Picture};
 use crate::motor::Motor;
-use crate::scenario::Scenario;
+use crate::scenario::{Action, Scenario};
 use crate::streaming::Subject;
 use crate::world::World;
 use firmware::config::ConfigError;
 use firmware::hosted::Screen;
 use firmware::plane_store::{Plane, TurnHandle};
 use protocol::codec::plane_check;
-use protocol::message::State;
 use protocol::rig::Rig;
 use protocol::timing::Rotation;
 use protocol::units::Nanos;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// How often the controller reports to the host, seconds.
 pub(crate) const REPORT_S: f64 = 0.01;
+
+/// A way to let something happen to a simulator from outside while it runs. Clones are the same one.
+#[derive(Clone, Debug, Default)]
+pub struct Injector(Arc<Mutex<Vec<Action>>>);
+
+impl Injector {
+    /// Lets `action` happen at the simulator's next step.
+    pub fn inject(&self, action: Action) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(action);
+    }
+
+    fn take(&self) -> Vec<Action> {
+        std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
 
 /// A device whose projector and mirror are simulated.
 pub struct Simulator {
@@ -29,6 +44,7 @@ pub struct Simulator {
     /// Whether the controller took the rotation that the host configured last.
     in_step_with_host: bool,
     report_at: Nanos,
+    injector: Injector,
 }
 
 impl Simulator {
@@ -56,7 +72,13 @@ impl Simulator {
             frame_latency,
             in_step_with_host: true,
             report_at: Nanos::ZERO,
+            injector: Injector::default(),
         })
+    }
+
+    /// The same, to which things happen by `injector`.
+    pub fn with_injector(self, injector: Injector) -> Self {
+        Self { injector, ..self }
     }
 
     /// Motor, projector and controller.
@@ -89,6 +111,7 @@ impl Simulator {
         while let Some(input) = self.device.next_input() {
             match input {
                 Input::Configured(rotation, _) => self.configure(&rotation),
+                Input::Vacate => self.world.vacate(),
                 Input::Command(command) => self.world.command(command),
                 Input::TurnReady(turn) => self.turn_ready(turn),
             }
@@ -155,6 +178,7 @@ impl Endpoint for Simulator {
     }
 
     fn advance(&mut self, seconds: f64) {
+        self.injector.take().into_iter().for_each(|action| self.world.act(action));
         self.world.advance(seconds);
         self.release();
     }
@@ -164,7 +188,7 @@ impl Endpoint for Simulator {
     }
 
     fn is_at_rest(&self) -> bool {
-        matches!(self.world.state(), State::Idle | State::Fault)
+        self.world.state().is_at_rest()
     }
 }
 
@@ -185,7 +209,7 @@ impl Subject for Simulator {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use protocol::message::Command;
+    use protocol::message::{Command, Fault, State};
     use protocol::timing::Direction;
     use protocol::units::Turns;
 
@@ -213,6 +237,19 @@ mod tests {
         assert!(lit(240) > 5_000 && lit(180) > 5_000);
         // 4000 control ticks a second cannot arm 3000 frames.
         assert_eq!(lit(3_000), 0);
+    }
+
+    #[test]
+    fn what_is_injected_happens() {
+        let injector = Injector::default();
+        let simulator =
+            Simulator::new(&Rig::parse(RIG).unwrap(), Motor::reference(), Scenario::without_events(), 1).unwrap();
+        let mut simulator = simulator.with_injector(injector.clone());
+        simulator.advance(0.1);
+        assert_eq!(simulator.world.state(), State::Idle);
+        injector.inject(Action::EmergencyStop);
+        simulator.advance(0.1);
+        assert_eq!(simulator.world.fault(), Some(Fault::EmergencyStop));
     }
 
     #[test]

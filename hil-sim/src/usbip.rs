@@ -2,6 +2,7 @@
 
 pub mod wire;
 
+use crate::served::{Pump, STEP};
 use crate::usb::descriptors::Descriptors;
 use crate::usb::{Function, Port};
 use std::io::{BufReader, Read, Write};
@@ -13,9 +14,7 @@ use wire::{BUS_ID, Command, Denial, Request, UsbIpError};
 const AHEAD: usize = 8;
 /// What a client may have pending at once: transfers, and their bytes.
 const PENDING_MAX: (usize, usize) = (1024, 64 << 20);
-/// How far simulated time goes at once.
-pub const STEP: Duration = Duration::from_millis(1);
-/// What a simulation that is slower than the wall's clock does not catch up with.
+/// What a simulation that is slower than the wall's clock does not catch up with: messages wait meanwhile.
 const LAG_MAX: Duration = Duration::from_millis(20);
 
 /// How a client lost the device.
@@ -27,45 +26,20 @@ pub enum Ending {
     DeviceLeft,
 }
 
-/// Simulated time that follows the wall's clock.
-#[derive(Debug)]
-pub struct Clock {
-    simulated: Instant,
-}
-
-impl Clock {
-    /// From now on.
-    pub fn start() -> Self {
-        Self { simulated: Instant::now() }
-    }
-
-    /// How long until the next [`STEP`] is due; nothing where it is.
-    pub fn wait(&self) -> Duration {
-        (self.simulated + STEP).saturating_duration_since(Instant::now())
-    }
-
-    /// Whether a step is due: then it counts as done.
-    pub fn step(&mut self) -> bool {
-        let now = Instant::now();
-        self.simulated = self.simulated.max(now.checked_sub(LAG_MAX).unwrap_or(now));
-        let is_due = self.simulated + STEP <= now;
-        if is_due {
-            self.simulated += STEP;
-        }
-        is_due
-    }
-}
-
-/// Answers a client's first message; whether the device is now its own.
-pub fn greet(socket: &mut (impl Read + Write), descriptors: &Descriptors, is_free: bool) -> Result<bool, UsbIpError> {
-    let request = wire::read_request(socket)?;
-    let (answer, is_given) = match &request {
+/// Answers a client's first message, which is `request`; whether the device is now its own.
+pub fn greet(
+    request: &Request,
+    writer: &mut impl Write,
+    descriptors: &Descriptors,
+    is_free: bool,
+) -> Result<bool, UsbIpError> {
+    let (answer, is_given) = match request {
         Request::List => (wire::list(descriptors), false),
         Request::Import(name) if name != BUS_ID => (wire::denied(Denial::Absent), false),
         Request::Import(_) if is_free => (wire::imported(descriptors), true),
         Request::Import(_) => (wire::denied(Denial::Busy), false),
     };
-    socket.write_all(&answer)?;
+    writer.write_all(&answer)?;
     Ok(is_given)
 }
 
@@ -111,9 +85,9 @@ fn exchange<F: Function>(
     port: &mut Port<F>,
     mut watch: impl FnMut(&mut Port<F>),
 ) -> Result<Ending, UsbIpError> {
-    let mut clock = Clock::start();
+    let (start, mut pump) = (Instant::now(), Pump::lagging(LAG_MAX));
     loop {
-        let first = match commands.recv_timeout(clock.wait()) {
+        let first = match commands.recv_timeout(pump.wait(start.elapsed())) {
             Ok(command) => Some(command),
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => return Ok(Ending::HostLeft),
@@ -132,7 +106,7 @@ fn exchange<F: Function>(
             }
             answer(port, writer)?;
         }
-        if clock.step() {
+        if pump.step(start.elapsed()) {
             port.advance(STEP.as_secs_f64());
             watch(port);
         }

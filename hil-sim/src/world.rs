@@ -224,6 +224,11 @@ impl World {
         self.feed(self.now, Input::TurnReady(turn));
     }
 
+    /// Turns of another cut are to come: those that it has come back, where nothing is driven or lit.
+    pub fn vacate(&mut self) {
+        self.feed(self.now, Input::Vacate);
+    }
+
     /// Moves on by `seconds`.
     pub fn advance(&mut self, seconds: f64) {
         let until = self.now + seconds * 1e9;

@@ -24,7 +24,8 @@ impl World {
         self.obey(self.now, self.plant.angle(), output);
     }
 
-    pub(super) fn act(&mut self, action: Action) {
+    /// Something happens now.
+    pub fn act(&mut self, action: Action) {
         let later = |seconds: f64| self.now + seconds * 1e9;
         match action {
             Action::Start => self.command(Command::Start),

@@ -1,7 +1,7 @@
 //! What may be seen of a world from outside.
 
 use super::{Recording, Sample, World};
-use crate::checkers::Flash;
+use crate::checkers::{Flash, Verdict};
 use crate::statistics::LockStatistics;
 use firmware::controller::Estimates;
 use firmware::hosted::Screen;
@@ -85,6 +85,11 @@ impl World {
     /// has been lit.
     pub fn constant_phase(&self) -> Option<f64> {
         self.checkers.phase()
+    }
+
+    /// What was wrong so far with what was shown.
+    pub fn verdict(&self) -> &Verdict {
+        self.checkers.verdict()
     }
 
     /// What the run has been so far.

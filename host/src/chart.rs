@@ -13,7 +13,7 @@ use crate::scene::{ShadedScene, luminance};
 use crate::seen::View;
 use crate::volume::display_radius_m;
 use glam::DVec3;
-use protocol::rig::{Rig, Viewers};
+use protocol::rig::Rig;
 use serde::Serialize;
 
 /// How much is measured.
@@ -76,16 +76,11 @@ pub fn pareto_front(points: &[(f64, f64)]) -> Vec<bool> {
     points.iter().map(|point| !points.iter().any(|other| beats(*other, *point))).collect()
 }
 
-/// An eye of a chart, `azimuth_deg` from the front on the rig's viewing circle; viewers at infinity look from 20 m.
+/// An eye of a chart, `azimuth_deg` from the front where the rig's viewers are; those at infinity look from 20 m.
 pub fn view(rig: &Rig, azimuth_deg: f64, pixels: u32, rays: u32) -> View {
-    let (sin, cos) = azimuth_deg.to_radians().sin_cos();
-    let (level, height) = match rig.viewers() {
-        Viewers::Circle { distance_m, height_m } => (distance_m, height_m),
-        Viewers::Infinity { elevation } => (20.0 * elevation.cos(), 20.0 * elevation.sin()),
-    };
     let radius = display_radius_m(rig);
     View {
-        from: DVec3::new(level * sin, height, level * cos),
+        from: rig.viewers().place(azimuth_deg.to_radians(), 20.0),
         look_at: DVec3::ZERO,
         window_m: if radius > 0.0 { 2.0 * radius } else { 0.1 },
         pixels,

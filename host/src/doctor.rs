@@ -1,15 +1,16 @@
 //! What is right and wrong with a way to a device, check by check, and what to do about it.
 
 use crate::link::Link;
+use crate::stream::StreamError;
 use loopback::Loopback;
-use probe::{Answer, Probe, ProbeError};
+use probe::{Answer, Probe};
 use protocol::message::{Fault, Faults, Hello, SCHEMA, State, Status, VERSION};
 use protocol::rig::Rig;
 use serde_json::{Value, json};
 use std::time::Duration;
 
-pub mod loopback;
-pub mod probe;
+mod loopback;
+mod probe;
 
 /// Exchanges whose time is taken.
 const EXCHANGES: usize = 50;
@@ -87,37 +88,41 @@ pub enum Carrier {
     Other,
 }
 
-/// Checks what an open link leads to, for turns of `rig`. A display that runs is not disturbed.
-pub fn examine(link: &mut dyn Link, carrier: Carrier, rig: &Rig) -> Vec<Finding> {
-    let mut findings = Vec::new();
-    if let Err(error) = examine_into(&mut findings, link, carrier, rig) {
-        let text = format!("the conversation broke off: {error}");
+/// Checks what an open link leads to, for turns of `rig`, and tells each finding as soon as it is one. A display that runs is not disturbed;
+/// one at rest gives up turns of another rig.
+pub fn examine(link: &mut dyn Link, carrier: Carrier, rig: &Rig, tell: &mut dyn FnMut(Finding)) {
+    if let Err(error) = try_to_examine(link, carrier, rig, tell) {
+        let why = match error {
+            // What the message adds is to ask a doctor.
+            StreamError::NoAnswer { message, .. } => format!("{message} was not answered"),
+            error => error.to_string(),
+        };
+        let text = format!("the conversation broke off: {why}");
         let remedy = "see that nothing else talks to it, switch the controller off and on, and try again";
-        findings.push(Finding::new("answers", Verdict::Failed, text).and_do(remedy));
+        tell(Finding::new("answers", Verdict::Failed, text).and_do(remedy));
     }
-    findings
 }
 
-fn examine_into(
-    findings: &mut Vec<Finding>,
+fn try_to_examine(
     link: &mut dyn Link,
     carrier: Carrier,
     rig: &Rig,
-) -> Result<(), ProbeError> {
+    tell: &mut dyn FnMut(Finding),
+) -> Result<(), StreamError> {
     let mut probe = Probe::new(link)?;
-    let protocol = protocol(&mut probe)?;
+    let protocol = protocol(&mut probe, carrier)?;
     let is_ours = protocol.verdict == Verdict::Ok;
-    findings.push(protocol);
+    tell(protocol);
     if !is_ours {
         return Ok(());
     }
     let until = probe.now() + STATUS_WITHIN;
-    while (probe.status.is_none() || probe.faults.is_none()) && probe.now() < until {
+    while (probe.status().is_none() || probe.faults().is_none()) && probe.now() < until {
         probe.listen(until - probe.now())?;
     }
-    findings.push(firmware(probe.status.as_ref(), probe.faults.as_ref()));
-    findings.push(speed(probe.bytes_per_second(), carrier));
-    findings.push(round_trip(&mut probe)?);
+    tell(firmware(probe.status(), probe.faults()));
+    tell(speed(probe.bytes_per_second(), carrier));
+    tell(round_trip(&mut probe)?);
     let outcome = loopback::run(&mut probe, rig)?;
     // What it left unfinished goes with the next turn that somebody begins.
     probe.ask(HELLO)?;
@@ -125,21 +130,32 @@ fn examine_into(
         Loopback::Whole { bytes, seconds, .. } if seconds > 0.0 => Some(bytes as f64 / seconds),
         _ => None,
     };
-    findings.push(loopback(outcome));
-    findings.push(turns(measured.or(probe.bytes_per_second()), measured.is_some(), rig));
+    tell(loopback(outcome));
+    tell(turns(measured.or(probe.bytes_per_second()), measured.is_some(), rig));
     Ok(())
 }
 
 const HELLO: Hello = Hello { version: VERSION, schema: SCHEMA };
 
-fn protocol(probe: &mut Probe<'_>) -> Result<Finding, ProbeError> {
+/// How the same release comes to both ends.
+fn same_release(carrier: Carrier) -> &'static str {
+    match carrier {
+        Carrier::Usb => "install the same release on both: praxi flash IMAGE --device usb",
+        Carrier::Other => {
+            "install the same release on both: firmware goes over the controller's USB (praxi flash IMAGE --device usb) or a debug probe, not over \
+             this line"
+        }
+    }
+}
+
+fn protocol(probe: &mut Probe<'_>, carrier: Carrier) -> Result<Finding, StreamError> {
     const ATTEMPTS: usize = 3;
-    let mut answer = Err(ProbeError::Silent);
-    for _ in 0..ATTEMPTS {
-        answer = probe.ask(HELLO);
-        if !matches!(answer, Err(ProbeError::Silent)) {
+    let mut answer = probe.ask(HELLO);
+    for _ in 1..ATTEMPTS {
+        if !matches!(answer, Err(StreamError::NoAnswer { .. })) {
             break;
         }
+        answer = probe.ask(HELLO);
     }
     let check = "protocol";
     Ok(match answer {
@@ -152,13 +168,11 @@ fn protocol(probe: &mut Probe<'_>) -> Result<Finding, ProbeError> {
             let text = format!(
                 "the device speaks version {version}, schema {schema:#018x}; this program version {VERSION}, schema {SCHEMA:#018x}"
             );
-            Finding::new(check, Verdict::Failed, text).and_do("install the same release on both: praxi flash")
+            Finding::new(check, Verdict::Failed, text).and_do(same_release(carrier))
         }
         Ok(answer) => Finding::new(check, Verdict::Failed, format!("the device answered a hello with {answer:?}")),
-        Err(ProbeError::Silent | ProbeError::Stuck) => {
-            Finding::new(check, Verdict::Failed, "the device does not answer a hello")
-                .and_do("see that it is a controller, that it is switched on, and that the baud rate is its own")
-        }
+        Err(StreamError::NoAnswer { .. }) => Finding::new(check, Verdict::Failed, "the device does not answer a hello")
+            .and_do("see that it is a controller, that it is switched on, and that the baud rate is its own"),
         Err(error) => return Err(error),
     })
 }
@@ -170,14 +184,18 @@ fn firmware(status: Option<&Status>, faults: Option<&Faults>) -> Finding {
             .and_do("switch the controller off and on");
     };
     let speed = f64::from(status.speed_microhertz) * 1e-6;
-    let screen = status.turn_on_screen.map_or("no turn".into(), |turn| format!("turn {turn}"));
+    let screen = if status.turn_on_screen.is_some() { "a turn" } else { "no turn" };
+    let Status { turns_received, turns_shown, .. } = status;
     let remembered: u32 =
         faults.map_or(0, |faults| Fault::ALL.iter().map(|fault| u32::from(faults.count(*fault))).sum());
-    let mut text =
-        format!("{:?}, {speed:.2} turns/s, {screen} on screen, {remembered} fault(s) remembered", status.state);
+    let mut text = format!(
+        "{:?}, {speed:.2} turns/s, {screen} on screen; since it was switched on {turns_received} turn(s) came whole and {turns_shown} \
+                 were shown; {remembered} fault(s) remembered",
+        status.state
+    );
     let figures = json!({
         "state": status.state, "turns_per_second": speed, "turn_on_screen": status.turn_on_screen,
-        "faults": remembered, "packets": status.packets, "packets_damaged": status.packets_damaged,
+        "turns_received": turns_received, "turns_shown": turns_shown, "faults": remembered, "packets": status.packets, "packets_damaged": status.packets_damaged,
     });
     if status.state == State::Fault || status.fault.is_some() {
         let fault = status.fault.map_or("no cause given".into(), |fault| fault.to_string());
@@ -209,13 +227,13 @@ fn speed(bytes_per_second: Option<f64>, carrier: Carrier) -> Finding {
     Finding::new(check, Verdict::Ok, text).with(figures)
 }
 
-fn round_trip(probe: &mut Probe<'_>) -> Result<Finding, ProbeError> {
+fn round_trip(probe: &mut Probe<'_>) -> Result<Finding, StreamError> {
     let (mut times_us, mut lost) = (Vec::with_capacity(EXCHANGES), 0);
     while times_us.len() + lost < EXCHANGES && lost < LOST_MAX {
         let asked = probe.send(HELLO)?;
         match probe.answer(asked, asked.bytes) {
             Ok((_, at)) => times_us.push((at - asked.at).as_micros() as u64),
-            Err(ProbeError::Silent) => lost += 1,
+            Err(StreamError::NoAnswer { .. }) => lost += 1,
             Err(error) => return Err(error),
         }
     }

@@ -8,6 +8,8 @@ use std::path::Path;
 pub const TEXT_BYTES_MAX: u64 = 16 << 20;
 /// A picture: 4096 × 4096 pixels of 8 bytes, uncompressed, and some.
 pub const PICTURE_BYTES_MAX: u64 = 256 << 20;
+/// The largest recording.
+pub const RECORDING_BYTES_MAX: u64 = 1 << 30;
 
 /// The bytes of the regular file at `path`, of which there may be `bytes_max`.
 pub fn read(path: &Path, bytes_max: u64) -> io::Result<Vec<u8>> {

@@ -13,7 +13,7 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub enum OutputError {
     /// The operating system refuses.
-    #[error("cannot write {0}: {1}")]
+    #[error("cannot write {0}: {reason}", reason = reason(.1))]
     Refused(PathBuf, io::Error),
     /// Something is in the way that praxi did not make.
     #[error("{0} is not empty, it holds {1}, and was not written by praxi: name a new or empty folder")]
@@ -24,6 +24,14 @@ pub enum OutputError {
     /// Something else than a picture is in the way.
     #[error("{0} is there and no PNG file: name another")]
     NotAPicture(PathBuf),
+}
+
+/// What the operating system says, and what to do where the disk is full.
+pub fn reason(error: &io::Error) -> String {
+    use io::ErrorKind::{QuotaExceeded, StorageFull};
+    let remedy =
+        if matches!(error.kind(), StorageFull | QuotaExceeded) { ": make room there, or write elsewhere" } else { "" };
+    format!("{error}{remedy}")
 }
 
 /// Whether `name` is one that praxi gives to a file in a folder of results.

@@ -1,18 +1,19 @@
 //! Turns to a device: handshake, acknowledgement, retries, back-pressure.
 
-use crate::link::{Link, LinkError};
+use crate::link::Link;
 use conversation::{Answer, Conversation};
+pub use error::StreamError;
 use protocol::codec::{ByteStatistics, Compressor, Hint, ImageSize, Mask, plane_check};
 use protocol::message::{
-    Command, Configure, Control, Faults, Hello, Knowledge, LEARN_PART_BYTES, Learn, Message, Reason, SCHEMA, State,
-    Status, VERSION,
+    Command, Configure, Control, Faults, Hello, Knowledge, LEARN_PART_BYTES, Learn, Message, Reason, SCHEMA, Status,
+    VERSION,
 };
-use protocol::packet::PacketError;
 use protocol::timing::Rotation;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
-use thiserror::Error;
 
-mod conversation;
+pub(crate) mod conversation;
+mod error;
 pub mod live;
 pub mod mailbox;
 mod round_trip;
@@ -38,97 +39,6 @@ pub trait TurnPlanes: Sync {
     }
 }
 
-/// Why a turn or an order did not reach the device.
-#[derive(Debug, Error)]
-pub enum StreamError {
-    /// See the message.
-    #[error(transparent)]
-    Link(#[from] LinkError),
-    /// See the message.
-    #[error(transparent)]
-    Packet(#[from] PacketError),
-    /// See the message.
-    #[error(
-        "the device speaks protocol version {device_version}, schema {device_schema:#018x}; this program speaks version \
-         {VERSION}, schema {SCHEMA:#018x}: install the same release on both"
-    )]
-    Schema {
-        /// The device's version.
-        device_version: u16,
-        /// The device's schema.
-        device_schema: u64,
-    },
-    /// See the message.
-    #[error("the device did not answer {message}, sent {attempts} time(s): praxi doctor may say why")]
-    NoAnswer {
-        /// The message's name.
-        message: &'static str,
-        /// How often it was sent.
-        attempts: u32,
-    },
-    /// See the message.
-    #[error("the device refused {message}: {reason}")]
-    Refused {
-        /// The message's name.
-        message: &'static str,
-        /// Why.
-        #[source]
-        reason: Reason,
-    },
-    /// See the message.
-    #[error("the device was busy for {waited:?}: it holds two turns and shows neither to its end{}", in_state(*state))]
-    Busy {
-        /// How long it was asked.
-        waited: Duration,
-        /// What the controller was doing, if it said so.
-        state: Option<State>,
-    },
-    /// See the message.
-    #[error("turn {turn}: {planes} planes did not arrive in {attempts} attempts")]
-    PlanesLost {
-        /// The turn.
-        turn: u32,
-        /// How many.
-        planes: usize,
-        /// How often they were sent.
-        attempts: usize,
-    },
-    /// See the message.
-    #[error(
-        "the device holds turns that were cut otherwise: give the rig that they were streamed for, or switch the controller \
-         off and on"
-    )]
-    OtherTurns,
-    /// Whoever gave the turn wants it no more.
-    #[error("turn {turn} came too late and was left")]
-    Left {
-        /// The turn.
-        turn: u32,
-    },
-    /// See the message.
-    #[error("a turn of {slices} slices for a display of {expected}")]
-    Slices {
-        /// What was given.
-        slices: u32,
-        /// What the rotation has.
-        expected: u32,
-    },
-    /// See the message.
-    #[error("slice {slice} has {bytes} bytes: {expected} are needed")]
-    PlaneBytes {
-        /// The slice.
-        slice: u32,
-        /// What was given.
-        bytes: usize,
-        /// What the image size needs.
-        expected: usize,
-    },
-}
-
-fn in_state(state: Option<State>) -> String {
-    state.map_or_else(String::new, |state| format!(" (state {state:?})"))
-}
-
 /// A turn that the device has whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ticket {
@@ -151,12 +61,29 @@ pub struct Statistics {
     pub retries: u64,
     /// Packets that the device refused, other than because it was busy.
     pub refused: u64,
+    /// Planes that the device acknowledged, also those that it kept and those of turns that never became whole.
+    pub planes: u64,
     /// Planes that the device kept from the turn before.
     pub planes_kept: u64,
     /// Planes that were on the device already when a turn went on after a lost link.
     pub planes_resumed: u64,
     /// From the beginning to the end of the acknowledged turns, without the waiting for room before: what a turn takes the link.
     pub sending: Duration,
+}
+
+/// The latest statistics and status of a stream. Clones are the same.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct News(Arc<Mutex<(Statistics, Option<Status>)>>);
+
+impl News {
+    pub(crate) fn latest(&self) -> (Statistics, Option<Status>) {
+        // Whole whatever became of whoever wrote it: it is written at once.
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn put(&self, statistics: Statistics, status: Option<Status>) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = (statistics, status);
+    }
 }
 
 /// A connection to a device that shows turns of one rotation and image size.
@@ -180,6 +107,9 @@ struct Known {
     ranks: Vec<u16>,
     codes: bool,
 }
+
+/// How long a device whose mirror is at rest may take to give up turns of another cut.
+const GIVEN_UP_WITHIN: Duration = Duration::from_millis(200);
 
 /// Codes are learnt from every so many slices of the first turn that needs some.
 const LEARN_EVERY: usize = 9;
@@ -221,10 +151,7 @@ impl<L: Link> Stream<L> {
 
     fn greet(&mut self) -> Result<(), StreamError> {
         hello(&mut self.conversation)?;
-        match self.conversation.ask(&Configure::new(&self.rotation, self.size).into()) {
-            Err(StreamError::Refused { reason: Reason::Busy, .. }) => Err(StreamError::OtherTurns),
-            outcome => outcome,
-        }
+        configure(&mut self.conversation, &self.rotation, self.size)
     }
 
     /// Sends `turn` and returns when the device has it whole; it comes on screen at the next index. Waits while both slots of
@@ -252,6 +179,11 @@ impl<L: Link> Stream<L> {
         statistics.turns += 1;
         statistics.bytes_raw += u64::from(turn.slices()) * self.size.plane_bytes() as u64;
         Ok(Ticket { turn: number })
+    }
+
+    /// What is known while a turn is sent, for whoever says [when one is late](Self::submit_unless).
+    pub(crate) fn news(&self) -> News {
+        self.conversation.news.clone()
     }
 
     /// Gives the controller an order and returns when the device has it.
@@ -365,6 +297,23 @@ fn hello<L: Link>(conversation: &mut Conversation<L>) -> Result<(), StreamError>
             Err(StreamError::Schema { device_version: version, device_schema: schema })
         }
         _ => Ok(()),
+    }
+}
+
+/// Has the device take turns of this cut. Where its mirror is at rest, it gives up turns of another one when asked, and is asked again.
+fn configure<L: Link>(
+    conversation: &mut Conversation<L>,
+    rotation: &Rotation,
+    size: ImageSize,
+) -> Result<(), StreamError> {
+    let message = Configure::new(rotation, size).into();
+    let until = conversation.link.now() + GIVEN_UP_WITHIN;
+    loop {
+        match conversation.request(&message)? {
+            Answer::Nack(Reason::Busy) if conversation.link.now() >= until => return Err(StreamError::OtherTurns),
+            Answer::Nack(Reason::Busy) => conversation.listen(GIVEN_UP_WITHIN / 20)?,
+            answer => return conversation.accepted(&message, answer),
+        }
     }
 }
 

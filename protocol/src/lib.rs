@@ -4,6 +4,7 @@
 #![cfg_attr(not(feature = "std"), no_std)]
 
 pub mod codec;
+pub mod frame_mark;
 pub mod image;
 pub mod message;
 pub mod packet;

@@ -162,7 +162,7 @@ wire! {
         schema: u64,
     }
     /// How a turn is cut and how large its pictures are. Another configuration than the present one is refused while a
-    /// turn is shown or waits to be shown.
+    /// turn is shown or waits to be shown. Where the mirror is at rest, such turns are given up then: the next one is taken.
     0x03 Configure to Device, at most 32; {
         /// Slices a turn.
         slices: u16,

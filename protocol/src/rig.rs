@@ -5,12 +5,16 @@
 
 mod camera;
 mod check;
+pub mod curve;
+mod tracking;
 
 pub use camera::{Camera, Lens};
+pub use tracking::{PATRIOT_BAUD, SourceError, TrackerSource, Tracking};
 
 use crate::timing::{Direction, Rotation};
 use crate::units::Turns;
 use core::f64::consts::TAU;
+use curve::{Spot, ViewingCurve};
 use glam::DVec3;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
@@ -34,6 +38,9 @@ pub struct Rig {
     /// Filters that faces name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub filters: BTreeMap<String, Filter>,
+    /// What follows viewers' heads, where anything does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tracking: Option<Tracking>,
 }
 
 /// `[rotation]`.
@@ -95,18 +102,22 @@ fn is_zero(radial: &[f64; 2]) -> bool {
     *radial == [0.0; 2]
 }
 
-/// Three rows of four numbers, or twelve numbers row by row.
 fn matrix_rows<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[[f64; 4]; 3]>, D::Error> {
+    three_rows(deserializer).map(Some)
+}
+
+/// Three rows of four numbers, or twelve numbers row by row.
+fn three_rows<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[[f64; 4]; 3], D::Error> {
     #[derive(Deserialize)]
     #[serde(untagged, expecting = "matrix must be three rows of four numbers, row major")]
     enum Matrix {
         Rows([[f64; 4]; 3]),
         Flat([f64; 12]),
     }
-    Ok(Some(match Matrix::deserialize(deserializer)? {
+    Ok(match Matrix::deserialize(deserializer)? {
         Matrix::Rows(rows) => rows,
         Matrix::Flat(numbers) => core::array::from_fn(|row| core::array::from_fn(|column| numbers[row * 4 + column])),
-    }))
+    })
 }
 
 /// The order in which the projector shows the channels of a frame; least significant bit first in each.
@@ -187,10 +198,33 @@ pub struct Viewing {
     /// Elevation of viewers at infinity.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub elevation_deg: Option<f64>,
+    /// Viewers through whom the circle is bent: see [`ViewingCurve`]. None at infinity.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tracked: Vec<TrackedViewer>,
 }
 
-/// Where viewers are when nobody is tracked.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// `[[viewing.tracked]]`: somebody who looks at the display; the middle of the eyes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrackedViewer {
+    /// From the front of the display toward its right.
+    pub azimuth_deg: f64,
+    /// From the axis.
+    pub distance_m: f64,
+    /// Above the middle of the mirror.
+    pub height_m: f64,
+}
+
+impl TrackedViewer {
+    /// World metres.
+    pub fn place(&self) -> DVec3 {
+        let Self { azimuth_deg, distance_m, height_m } = *self;
+        Viewers::Circle { distance_m, height_m }.place(azimuth_deg.to_radians(), 0.0)
+    }
+}
+
+/// Where viewers are.
+#[derive(Clone, Debug, PartialEq)]
 pub enum Viewers {
     /// On a circle about the axis.
     Circle {
@@ -199,11 +233,29 @@ pub enum Viewers {
         /// Its height.
         height_m: f64,
     },
+    /// On a curve about the axis, which passes through tracked viewers.
+    Curve(ViewingCurve),
     /// At infinity, this many radians above the horizon.
     Infinity {
         /// Elevation in radians.
         elevation: f64,
     },
+}
+
+impl Viewers {
+    /// The viewer at `azimuth` radians from the front toward the right, metres; one at infinity `far_m` metres away.
+    pub fn place(&self, azimuth: f64, far_m: f64) -> DVec3 {
+        let (distance_m, height_m) = match self {
+            Self::Circle { distance_m, height_m } => (*distance_m, *height_m),
+            Self::Curve(curve) => {
+                let Spot { distance_m, height_m } = curve.spot(azimuth);
+                (distance_m, height_m)
+            }
+            Self::Infinity { elevation } => (far_m * elevation.cos(), far_m * elevation.sin()),
+        };
+        let (sin, cos) = azimuth.sin_cos();
+        DVec3::new(distance_m * sin, height_m, distance_m * cos)
+    }
 }
 
 /// `[filters.NAME]`.
@@ -317,9 +369,19 @@ impl Rig {
         match (self.viewing.elevation_deg, self.viewing.distance_m, self.viewing.height_m) {
             (Some(elevation), ..) => Viewers::Infinity { elevation: elevation.to_radians() },
             (None, distance, height) => {
-                Viewers::Circle { distance_m: distance.unwrap_or(1.0), height_m: height.unwrap_or(0.0) }
+                let (distance_m, height_m) = (distance.unwrap_or(1.0), height.unwrap_or(0.0));
+                match self.viewing.tracked.as_slice() {
+                    [] => Viewers::Circle { distance_m, height_m },
+                    tracked => Viewers::Curve(ViewingCurve::new(Spot { distance_m, height_m }, tracked)),
+                }
             }
         }
+    }
+
+    /// The same with nobody tracked.
+    pub fn at_rest(&self) -> Self {
+        let viewing = Viewing { tracked: Vec::new(), ..self.viewing.clone() };
+        Self { viewing, ..self.clone() }
     }
 
     /// The colour of face `face`'s filter in linear light; white for `"none"`.

@@ -3,10 +3,12 @@
 //! Source: Jones et al., columns 5–6 of the patent, for the planar fan; the cone of a horizontal strip of the diffuser,
 //! `o·e = i·e`, in place of its vertical plane. World metres, double precision.
 
+pub mod curve;
 pub mod methods;
 mod root;
 
 use core::f64::consts::PI;
+use curve::crossing;
 use glam::{DVec2, DVec3};
 use protocol::rig::{Camera, Frame, Rig, Viewers};
 use root::{nearest_root, secant};
@@ -25,7 +27,7 @@ pub enum Model {
 pub enum Visibility {
     /// Some pixel shows it.
     Visible,
-    /// No place on the viewing circle sees it in this slice.
+    /// No place where viewers are sees it in this slice.
     NoViewer,
     /// The sight line does not meet the mirror's plane in front of the viewer.
     NoMirror,
@@ -44,7 +46,7 @@ impl Visibility {
     pub const fn reason(self) -> &'static str {
         match self {
             Self::Visible => "visible",
-            Self::NoViewer => "no place on the viewing circle sees it in this slice",
+            Self::NoViewer => "no place where viewers are sees it in this slice",
             Self::NoMirror => "the sight line does not meet the mirror's plane in front of the viewer",
             Self::Unlit => "the viewer or the projector is behind the mirror",
             Self::OffPanel => "the sight line misses the mirror panel",
@@ -112,7 +114,7 @@ pub struct Sight {
     pub mirror: DVec3,
 }
 
-/// One face of the mirror at one angle, under the projector, for the rig's viewing circle.
+/// One face of the mirror at one angle, under the projector, for the rig's viewing circle or curve.
 #[derive(Clone, Debug)]
 pub struct SliceOptics {
     model: Model,
@@ -237,14 +239,22 @@ impl SliceOptics {
         (range > 0.0 && range.is_finite()).then(|| position + range * ray)
     }
 
-    /// [`Viewer::depth_of`] less the distance of the viewing circle from the origin, in metres.
+    /// [`Viewer::depth_of`] less the viewer's distance from the origin, in metres.
     fn depth_from_circle(&self, point: DVec3, viewer: Viewer) -> f64 {
-        match (viewer, self.viewers) {
-            (Viewer::At(position), Viewers::Circle { distance_m, height_m }) => {
-                let distance = distance_m.hypot(height_m);
+        match viewer {
+            Viewer::At(position) => {
+                let distance = self.origin_distance_m(position);
                 (point.length_squared() - 2.0 * position.dot(point)) / (position.distance(point) + distance)
             }
-            _ => viewer.depth_of(point),
+            Viewer::Toward(_) => viewer.depth_of(point),
+        }
+    }
+
+    /// The distance of V' from the origin.
+    fn origin_distance_m(&self, viewer: DVec3) -> f64 {
+        match self.viewers {
+            Viewers::Circle { distance_m, height_m } => distance_m.hypot(height_m),
+            _ => viewer.length(),
         }
     }
 
@@ -303,7 +313,7 @@ impl SliceOptics {
         }
     }
 
-    /// The viewing circle's crossing with the vertical plane through P' and `point`, on the far side of `point`.
+    /// The viewing circle's or curve's crossing with the vertical plane through P' and `point`, on the far side of `point`.
     ///
     /// Written from `point`, which loses no digits where the circle or P' is far away.
     fn planar_viewer(&self, point: DVec3) -> Option<Viewer> {
@@ -311,6 +321,7 @@ impl SliceOptics {
         // Nearer than 1e-100 m its square has lost its digits.
         let away = Some(DVec2::new(away.x, away.z)).filter(|away| away.length_squared() > 1e-200)?.try_normalize()?;
         match self.viewers {
+            Viewers::Curve(ref curve) => crossing(curve, DVec2::new(point.x, point.z), away).map(Viewer::At),
             Viewers::Circle { distance_m, height_m } => {
                 let level = DVec2::new(point.x, point.z);
                 let along = level.dot(away);
@@ -332,6 +343,7 @@ impl SliceOptics {
     fn viewer_at(&self, azimuth: f64) -> Viewer {
         let (sin, cos) = azimuth.sin_cos();
         match self.viewers {
+            Viewers::Curve(_) => Viewer::At(self.viewers.place(azimuth, 0.0)),
             Viewers::Circle { distance_m, height_m } => {
                 Viewer::At(DVec3::new(distance_m * sin, height_m, distance_m * cos))
             }

@@ -30,6 +30,9 @@ pub const NONE: u32 = u32::MAX;
 /// [`Vertex::state`]: single precision is not enough there.
 pub const UNSURE: u32 = 0x40;
 
+/// The most bends of the viewing curve in a slice: more are left to the reference. Viewers 8° apart have four of them in a fan of 32°.
+pub const BENDS: usize = 6;
+
 /// One face in one slice: [`crate::project::methods::SliceProjector`] in single precision.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -72,12 +75,12 @@ pub struct Slice {
     pub lit: u32,
     /// Homogeneous (across, slope) from pixels.
     pub mirror_across: [f32; 3],
-    /// To a multiple of 16 bytes.
-    pub unused_a: u32,
+    /// How many of [`Slice::bend`] there are; with none, viewers are on the circle.
+    pub bends: u32,
     /// See [`Slice::mirror_across`].
     pub mirror_slope: [f32; 3],
-    /// To a multiple of 16 bytes.
-    pub unused_b: u32,
+    /// Square metres: lines that pass the axis at less than its root cross the curve once.
+    pub passing: f32,
     /// See [`Slice::mirror_across`].
     pub mirror_w: [f32; 3],
     /// The squared radius at which distortion folds the image.
@@ -88,8 +91,10 @@ pub struct Slice {
     pub focal: [f32; 2],
     /// k1, k2.
     pub radial: [f32; 2],
-    /// To a multiple of 16 bytes.
-    pub unused: [f32; 2],
+    /// Distance and height where the first bend begins, metres.
+    pub bends_from: [f32; 2],
+    /// Bends of the viewing curve: start in radians of the mirror's frame, 1 / width, and metres added to distance and height.
+    pub bend: [[f32; 4]; BENDS],
 }
 
 /// A vertex in an instance.

@@ -2,6 +2,7 @@
 
 pub mod agree;
 pub mod rule;
+pub mod soaking;
 
 use glam::{DVec3, Vec2, Vec3};
 use host::measure::{Likeness, compare};

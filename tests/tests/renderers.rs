@@ -5,7 +5,7 @@ use host::render::plan::{Edges, Halftone, Plan, Projection};
 use host::render::turn::Turn;
 use host::render::{Prepared, RenderError, Renderer, Wanted};
 use host::scene::{Scene, ShadedScene, Shading, shade};
-use protocol::rig::Rig;
+use protocol::rig::{Rig, TrackedViewer};
 use tests::agree::{Exact, MODELS, renderers};
 use tests::{bunny, rig, scene, shared};
 
@@ -57,6 +57,26 @@ fn textures_are_the_same() {
     let mut scene = Scene::load(path).expect("the helmet");
     scene.fit(0.1);
     compare("helmet", &shade(&scene, Shading::Lambert, true));
+}
+
+/// Slices 61, 100 and 143 are on bends, 170 on neither bend nor circle, the others on the circle.
+#[test]
+fn curves_through_viewers_are_the_same() {
+    let mut rig = rig("reference");
+    rig.viewing.tracked = [(70.0, 1.2, 0.6), (115.0, 0.8, 0.15), (135.0, 0.9, 0.75), (180.0, 1.3, 0.5)]
+        .map(|(azimuth_deg, distance_m, height_m)| TrackedViewer { azimuth_deg, distance_m, height_m })
+        .to_vec();
+    let rig = rig.checked().expect("a possible rig");
+    let renderers = renderers();
+    for name in ["builtin", "boxes", "knot-5k"] {
+        let scene = scene(name);
+        for (model, projection) in MODELS {
+            let exact = Exact::new(&scene, &rig, plan(projection, Halftone::BlueNoise), &SLICES);
+            for (who, renderer) in &renderers {
+                exact.assert_same(&format!("{name}, a curve, {model}, {who}"), renderer.as_ref());
+            }
+        }
+    }
 }
 
 #[test]

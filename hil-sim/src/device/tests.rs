@@ -114,6 +114,8 @@ fn messages_out_of_order_are_refused() {
     ask(&mut device, end(1)).unwrap();
     assert_eq!(ask(&mut device, Ack { answers: 0 }), Err(Reason::NotUnderstood));
     assert_eq!(ask(&mut device, Configure { width: 24, ..configure }), Err(Reason::Busy));
+    let last = std::iter::from_fn(|| device.next_input()).last();
+    assert_eq!(last, Some(Input::Vacate), "the controller is asked to give its turns back");
     assert_eq!(ask(&mut device, configure), Ok(()), "the same again");
 }
 

@@ -128,29 +128,11 @@ fn transfers_are_read_as_they_were_written() {
     assert_eq!(read(unlink(5, 2)), Command::Unlink { id: 5, victim: 2 });
 }
 
-/// A connection whose client has said everything before.
-struct Scripted(Cursor<Vec<u8>>, Vec<u8>);
-
-impl Read for Scripted {
-    fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
-        self.0.read(into)
-    }
-}
-
-impl Write for Scripted {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.1.write(bytes)
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
-}
-
 fn greeted(bytes: &[u8], is_free: bool) -> (Result<bool, UsbIpError>, Vec<u8>) {
-    let mut socket = Scripted(Cursor::new(bytes.to_vec()), Vec::new());
-    let given = greet(&mut socket, port().function().descriptors(), is_free);
-    (given, socket.1)
+    let mut said = Vec::new();
+    let request = read_request(&mut Cursor::new(bytes));
+    let given = request.and_then(|request| greet(&request, &mut said, port().function().descriptors(), is_free));
+    (given, said)
 }
 
 fn import(name: &str) -> Vec<u8> {

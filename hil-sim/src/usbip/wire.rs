@@ -40,8 +40,11 @@ const ECONNRESET: i32 = 104;
 #[derive(Debug, Error)]
 pub enum UsbIpError {
     /// See the message.
+    #[error("the client went away in the middle of a message")]
+    Gone,
+    /// See the message.
     #[error("the connection: {0}")]
-    Io(#[from] io::Error),
+    Io(io::Error),
     /// See the message.
     #[error("the client speaks version {0:#06x} of USB/IP: only {VERSION:#06x} is known")]
     Version(u16),
@@ -62,6 +65,16 @@ pub enum UsbIpError {
         /// Of all of them.
         bytes: usize,
     },
+}
+
+impl From<io::Error> for UsbIpError {
+    fn from(error: io::Error) -> Self {
+        use io::ErrorKind::{BrokenPipe, ConnectionAborted, ConnectionReset, UnexpectedEof};
+        match error.kind() {
+            UnexpectedEof | BrokenPipe | ConnectionAborted | ConnectionReset => Self::Gone,
+            _ => Self::Io(error),
+        }
+    }
 }
 
 /// What a client wants before it has the device.

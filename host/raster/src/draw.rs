@@ -288,15 +288,21 @@ impl<S: Surface> Painter<'_, '_, S> {
 /// What makes rounding one up, but for whole numbers: see [`level`].
 const UP: f32 = 0.499;
 
-/// The luminance of the pixels whose bits are set in `open`, of the block that lies `offset` from the first.
+/// The luminance of the pixels whose bits are set in `open`, of the block that lies `offset` from the first; of others, some luminance.
 #[inline(always)]
 fn sampled(picture: &Picture, places: &[Slope; 2], gain: &Slope, offset: [i32; 2], open: u32) -> [i16; PIXELS] {
+    let at = |pixel: usize| {
+        [offset[0] + (pixel % COLUMNS) as i32 - CENTRE[0], offset[1] + (pixel / COLUMNS) as i32 - CENTRE[1]]
+    };
+    let mut across = [0.0; PIXELS];
+    let mut down = [0.0; PIXELS];
+    for pixel in 0..PIXELS {
+        (across[pixel], down[pixel]) = (places[0].at(at(pixel)), places[1].at(at(pixel)));
+    }
+    let samples = picture.samples([&across, &down], lanes(open));
     let mut luminances = [0; PIXELS];
-    for pixel in lanes(open) {
-        let column = offset[0] + (pixel % COLUMNS) as i32 - CENTRE[0];
-        let row = offset[1] + (pixel / COLUMNS) as i32 - CENTRE[1];
-        let at = [column, row];
-        let luminance = picture.sample([places[0].at(at), places[1].at(at)]) * gain.at(at);
+    for pixel in 0..PIXELS {
+        let luminance = samples[pixel] * gain.at(at(pixel));
         luminances[pixel] = rounded(luminance.clamp(0.0, WHITE - 1.0) + UP) as i16;
     }
     luminances

@@ -1,5 +1,7 @@
 //! Textures as luminances, for triangles that show them in one tint.
 
+use super::grid::rounded;
+
 /// The luminance of a white texel.
 pub const FULL: f32 = 65_535.0;
 
@@ -53,37 +55,56 @@ impl Picture {
         Self { sides, per_period: [1.0 / period(0), 1.0 / period(1)], wrap, stride: width as usize + 2, cells }
     }
 
-    /// Between texels at `place`, in parts of [`FULL`].
+    /// Between texels at each of those `places` that `wanted` names, in parts of [`FULL`]; at others, some luminance.
+    ///
+    /// One step for all of them after the other, so that only the texels are fetched one by one.
     #[inline(always)]
-    pub fn sample(&self, place: [f32; 2]) -> f32 {
-        let (x, fx) = self.cell(0, place[0]);
-        let (y, fy) = self.cell(1, place[1]);
-        let upper = &self.cells[y * self.stride + x..][..self.stride + 2];
-        let [a, b] = [upper[0], upper[1]].map(f32::from);
-        let [c, d] = [upper[self.stride], upper[self.stride + 1]].map(f32::from);
-        let (upper, lower) = (a + (b - a) * fx, c + (d - c) * fx);
-        upper + (lower - upper) * fy
+    pub fn samples<const N: usize>(&self, places: [&[f32; N]; 2], wanted: impl Iterator<Item = usize>) -> [f32; N] {
+        let [(columns, fx), (rows, fy)] = [self.cells(0, places[0]), self.cells(1, places[1])];
+        let (mut upper, mut lower) = ([[0; 2]; N], [[0; 2]; N]);
+        for place in wanted {
+            let rows = &self.cells[rows[place] as usize * self.stride + columns[place] as usize..][..self.stride + 2];
+            (upper[place], lower[place]) = ([rows[0], rows[1]], [rows[self.stride], rows[self.stride + 1]]);
+        }
+        let mut samples = [0.0; N];
+        for place in 0..N {
+            let [a, b] = upper[place].map(f32::from);
+            let [c, d] = lower[place].map(f32::from);
+            let (upper, lower) = (a + (b - a) * fx[place], c + (d - c) * fx[place]);
+            samples[place] = upper + (lower - upper) * fy[place];
+        }
+        samples
     }
 
-    /// The first of the two cells that a place lies between along an axis, and how far it lies toward the second.
+    /// The first of the two cells that each place lies between along an axis, and how far it lies toward the second.
     #[inline(always)]
-    fn cell(&self, axis: usize, place: f32) -> (usize, f32) {
+    fn cells<const N: usize>(&self, axis: usize, places: &[f32; N]) -> ([u32; N], [f32; N]) {
         let side = self.sides[axis];
-        // Places are positive where this counts, so that the cast rounds down, which without SSE4.1 is a call.
-        let periods = (place * self.per_period[axis]) as u32 as f32;
-        let place = match self.wrap[axis] {
-            Wrap::Clamp => place,
-            Wrap::Repeat => place - side * periods,
-            Wrap::Mirror => {
-                let place = place - 2.0 * side * periods;
+        // Whole periods before a place; on a border one more or less, which shows the same.
+        let periods = |place: f32| rounded(place * self.per_period[axis] - 0.5) as f32;
+        match self.wrap[axis] {
+            Wrap::Clamp => cells(side, places, |place| place),
+            Wrap::Repeat => cells(side, places, |place| place - side * periods(place)),
+            Wrap::Mirror => cells(side, places, |place| {
+                let place = place - 2.0 * side * periods(place);
                 place.min(2.0 * side - place)
-            }
-        };
-        // Half a texel from its border to its centre, and one of the border; far away digits are lost, but no more.
-        let place = place.clamp(0.0, side) + 0.5;
-        let first = place as u32;
-        (first as usize, place - first as f32)
+            }),
+        }
     }
+}
+
+/// The same for places that `wrapped` takes into a picture with `side` texels along the axis.
+#[inline(always)]
+fn cells<const N: usize>(side: f32, places: &[f32; N], wrapped: impl Fn(f32) -> f32) -> ([u32; N], [f32; N]) {
+    let (mut first, mut beyond) = ([0; N], [0.0; N]);
+    for lane in 0..N {
+        // Far away digits are lost, but no more; and of no number at all this makes 0.
+        let place = wrapped(places[lane]).max(0.0).min(side);
+        // Half a texel from its border to its centre, and one of the border.
+        let nearest = rounded(place);
+        (first[lane], beyond[lane]) = (nearest as u32, place + 0.5 - nearest as f32);
+    }
+    (first, beyond)
 }
 
 /// The texels of a row or column with its border.

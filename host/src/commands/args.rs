@@ -9,13 +9,14 @@ use crate::render::plan::choose::{Budget, Choice, Fixed, PlanError, choose};
 use crate::render::plan::speed::ms_per_cost;
 use crate::render::plan::{DepthTest, Edges, Precision, Projection};
 use crate::render::truth::Pinhole;
+use crate::rigs;
 use crate::scene::{Scene, ShadedScene, Shading, shade};
 use crate::seen::View;
 use crate::volume::display_radius_m;
 use clap::ValueEnum;
 use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
-use protocol::rig::Rig;
+use protocol::rig::{Rig, TrackedViewer};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -137,6 +138,27 @@ pub(super) fn load_fitted(path: &str, fit_m: f64) -> Result<(String, ShadedScene
     Ok((scene.name.clone(), shade(&scene, Shading::Lambert, false)))
 }
 
+/// A rig, and who stands around it.
+#[derive(clap::Args)]
+pub(super) struct RigArgs {
+    /// A rig file, or reference, reference-180hz, high-viewer, tent
+    #[arg(long)]
+    pub rig: String,
+    /// Somebody whose perspective is to be right: degrees from the front toward the right, metres from the axis, metres above the
+    /// mirror's middle; as often as there are viewers
+    #[arg(long, value_name = "AZIMUTH_DEG:DISTANCE_M:HEIGHT_M", value_parser = viewer, allow_hyphen_values = true)]
+    pub viewer: Vec<TrackedViewer>,
+}
+
+impl RigArgs {
+    /// The rig, with these viewers beside its own.
+    pub(super) fn find(&self) -> Result<Rig, Failure> {
+        let mut rig = rigs::find(&self.rig)?;
+        rig.viewing.tracked.extend_from_slice(&self.viewer);
+        rig.checked().map_err(|error| Failure(format!("--viewer: {error}")))
+    }
+}
+
 /// By which methods a turn is rendered: chosen within a budget, or fixed.
 #[derive(clap::Args)]
 pub(super) struct PlanArgs {
@@ -232,8 +254,17 @@ impl RendererArgs {
 #[derive(clap::Args)]
 pub(super) struct ViewArgs {
     /// The eye in metres; +y is up, +z the front of the display
-    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
-    pub from: DVec3,
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true, required_unless_present = "viewer")]
+    pub from: Option<DVec3>,
+    /// The eye by degrees from the front toward the right, metres from the axis, and metres above the mirror's middle
+    #[arg(
+        long,
+        value_name = "AZIMUTH_DEG:DISTANCE_M:HEIGHT_M",
+        value_parser = viewer,
+        allow_hyphen_values = true,
+        conflicts_with = "from"
+    )]
+    pub viewer: Option<TrackedViewer>,
     /// The middle of the window that it looks at
     #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true, default_value = "0,0,0")]
     pub look_at: DVec3,
@@ -250,10 +281,11 @@ pub(super) struct ViewArgs {
 
 impl ViewArgs {
     pub(super) fn view(&self) -> Result<View, Failure> {
-        if self.from.distance(self.look_at) < 1e-6 {
+        let Self { from, viewer, look_at, window_m, pixels, rays } = *self;
+        let from = viewer.map(|viewer| viewer.place()).or(from).unwrap_or_default();
+        if from.distance(look_at) < 1e-6 {
             return Err(Failure("--from and --look-at are the same point: they must differ".into()));
         }
-        let Self { from, look_at, window_m, pixels, rays } = *self;
         Ok(View { from, look_at, window_m, pixels, rays })
     }
 
@@ -308,6 +340,19 @@ pub(super) fn point(text: &str) -> Result<DVec3, String> {
     }
 }
 
+/// A viewer.
+pub(super) fn viewer(text: &str) -> Result<TrackedViewer, String> {
+    let numbers: Option<Vec<f64>> = text.split(':').map(|part| part.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[azimuth_deg, distance_m, height_m])
+            if [azimuth_deg, distance_m, height_m].iter().all(|n| n.is_finite()) =>
+        {
+            Ok(TrackedViewer { azimuth_deg, distance_m, height_m })
+        }
+        _ => Err("must be degrees, metres and metres with colons, as in 20:0.9:0.6".into()),
+    }
+}
+
 /// A sign of life and the time since, on standard error, until it is dropped; nothing where that is no terminal. For what has no steps.
 pub(super) fn busy(what: &'static str) -> Busy {
     let style = ProgressStyle::with_template("{prefix:<22} {spinner} {elapsed:>4}").expect("a fixed template");
@@ -318,6 +363,13 @@ pub(super) fn busy(what: &'static str) -> Busy {
 
 /// What [`busy`] shows.
 pub(super) struct Busy(ProgressBar);
+
+impl Busy {
+    /// Takes it away while `print` prints.
+    pub(super) fn aside(&self, print: impl FnOnce()) {
+        self.0.suspend(print);
+    }
+}
 
 impl Drop for Busy {
     fn drop(&mut self) {

@@ -1,13 +1,12 @@
 //! `praxi bake`: one turn of a scene with the best halftone that time can buy, as a folder.
 
-use super::args::{PlanArgs, RendererArgs, SceneArgs, progress};
+use super::args::{PlanArgs, RendererArgs, RigArgs, SceneArgs, progress};
 use super::{Failure, say, say_json, warn};
 use crate::bake::{Bake, Found};
 use crate::output::Folder;
 use crate::render::joint::SWEEPS;
 use crate::render::plan::{Halftone, Plan};
 use crate::rendered::{Method, Rotation, SceneNote, write};
-use crate::rigs;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -18,9 +17,8 @@ use std::path::PathBuf;
 pub(super) struct Args {
     #[command(flatten)]
     scene: SceneArgs,
-    /// A rig file, or reference, reference-180hz, high-viewer, tent
-    #[arg(long)]
-    rig: String,
+    #[command(flatten)]
+    rig: RigArgs,
     /// The folder to write, as praxi render does; an earlier result of praxi is replaced
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -37,7 +35,7 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
-    let rig = rigs::find(&args.rig)?;
+    let rig = args.rig.find()?;
     let renderer = args.renderer.open()?;
     let (scene, shaded) = args.scene.load()?;
     // Whether the result has a place is asked before the work; the place is taken after it, so that a stop leaves nothing there.

@@ -4,7 +4,7 @@ use super::{Failure, hanging, say, say_json};
 use crate::link::address::Address;
 use crate::link::serial::{BAUD, ports};
 use crate::link::sim::Cable;
-use crate::link::usb::{Found, list};
+use crate::link::usb::{Found, NO_USB, list};
 use rusb::{Context, UsbContext};
 use serde_json::{Value, json};
 
@@ -34,7 +34,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let mut lines: Vec<_> = found.iter().map(|found| format!("{}  {}", found.name, about(found))).collect();
     if lines.is_empty() {
         lines.push(match at_usb {
-            None => "no USB on this machine, or none that this user may ask".into(),
+            None => NO_USB[0].into(),
             Some(count) => format!("no controller among {count} device(s): plug it in and switch it on"),
         });
     }

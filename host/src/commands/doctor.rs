@@ -1,12 +1,13 @@
 //! `praxi doctor`: whether a device can be talked to, how well, and what to do where it cannot.
 
-use super::args::seed;
+use super::args::{busy, seed};
 use super::devices::usb_devices;
 use super::{Failure, hanging, say, say_json};
 use crate::doctor::{Carrier, Finding, Verdict, examine};
 use crate::link::LinkError;
 use crate::link::address::Address;
-use crate::link::sim::{Clock, Simulated};
+use crate::link::sim::{Clock, Injector, Simulated};
+use crate::link::usb::NO_USB;
 use crate::rigs;
 use protocol::rig::Rig;
 use serde_json::json;
@@ -14,7 +15,7 @@ use serde_json::json;
 /// Check the way to a device step by step, and say what to do where something is wrong
 #[derive(clap::Args)]
 #[command(after_help = "Example: praxi doctor --device /dev/ttyUSB0@3000000\n\n\
-    A display that runs is not disturbed. The simulated devices' times are those of the simulation.")]
+    A display that runs is not disturbed; one at rest gives up turns of another rig. The simulated devices' times are those of the simulation.")]
 pub(super) struct Args {
     /// usb, usb:VID:PID[:SERIAL], /dev/ttyACM0[@BAUD], COM3[@BAUD], sim, sim:usb, sim:serial[@BAUD]; praxi devices lists what is there
     #[arg(long, default_value = "usb")]
@@ -32,7 +33,15 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let rig = rigs::find(&args.rig)?;
-    let findings = examined(args, &rig);
+    let mut findings = Vec::new();
+    let busy = busy("asking");
+    examined(args, &rig, &mut |finding| {
+        if !args.json {
+            busy.aside(|| say(as_text(&finding)));
+        }
+        findings.push(finding);
+    });
+    drop(busy);
     if args.json {
         let findings: Vec<_> = findings
             .iter()
@@ -41,8 +50,6 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
             })
             .collect();
         say_json(&json!({ "device": args.device.to_string(), "findings": findings }));
-    } else {
-        say(findings.iter().map(as_text).collect::<Vec<_>>().join("\n"));
     }
     let failed: Vec<_> = findings.iter().filter(|finding| finding.verdict == Verdict::Failed).collect();
     match failed[..] {
@@ -54,20 +61,22 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     }
 }
 
-fn examined(args: &Args, rig: &Rig) -> Vec<Finding> {
+/// Tells each finding as soon as it is one.
+fn examined(args: &Args, rig: &Rig, tell: &mut dyn FnMut(Finding)) {
     let usb = usb(&args.device);
-    if usb.verdict == Verdict::Failed {
-        return vec![usb];
+    let has_none = usb.verdict == Verdict::Failed;
+    tell(usb);
+    if has_none {
+        return;
     }
-    let simulated = Simulated { rig: rig.clone(), seed: args.seed, clock: Clock::Simulated };
+    let simulated =
+        Simulated { rig: rig.clone(), seed: args.seed, clock: Clock::Simulated, injector: Injector::default() };
     let link = args.device.way(&simulated).and_then(|mut way| way.connect());
-    let mut findings = vec![usb];
-    findings.extend(reached(&args.device, link.as_ref().err()));
+    reached(&args.device, link.as_ref().err()).into_iter().for_each(&mut *tell);
     if let Ok(mut link) = link {
         let carrier = if matches!(args.device, Address::Usb(_)) { Carrier::Usb } else { Carrier::Other };
-        findings.extend(examine(&mut *link, carrier, rig));
+        examine(&mut *link, carrier, rig, tell);
     }
-    findings
 }
 
 fn as_text(finding: &Finding) -> String {
@@ -81,8 +90,8 @@ fn usb(device: &Address) -> Finding {
     let check = "USB";
     match (device, usb_devices()) {
         (Address::Usb(_), None) => {
-            Finding::new(check, Verdict::Failed, "no USB on this machine, or none that this user may ask")
-                .and_do("use a machine with USB, or a controller that is simulated: --device sim:usb")
+            let [cause, remedy] = NO_USB;
+            Finding::new(check, Verdict::Failed, cause).and_do(remedy)
         }
         (Address::Usb(_), Some(count)) => Finding::new(check, Verdict::Ok, format!("{count} device(s) of any kind")),
         _ => Finding::new(check, Verdict::Skipped, format!("{device} needs none")),
@@ -102,13 +111,14 @@ fn reached(device: &Address, error: Option<&LinkError>) -> Vec<Finding> {
     let permitted = ok("permissions", "this user may open it");
     match error {
         None => vec![there, permitted, ok("opens", "yes")],
-        Some(LinkError::Absent { name, remedy }) => vec![failed("device", format!("no device {name}")).and_do(remedy)],
-        Some(LinkError::Several { name, found }) => {
+        Some(LinkError::Absent { remedy, .. }) => vec![failed("device", "is not there".into()).and_do(remedy)],
+        Some(LinkError::Other { what, remedy, .. }) => vec![failed("device", format!("is {what}")).and_do(remedy)],
+        Some(LinkError::Several { found, .. }) => {
             let remedy = format!("name one of {}", found.join(", "));
-            vec![failed("device", format!("{name} is more than one")).and_do(remedy)]
+            vec![failed("device", "is more than one".into()).and_do(remedy)]
         }
-        Some(LinkError::Forbidden { name, remedy }) => {
-            vec![there, failed("permissions", format!("this user may not open {name}")).and_do(remedy)]
+        Some(LinkError::Forbidden { remedy, .. }) => {
+            vec![there, failed("permissions", "this user may not open it".into()).and_do(remedy)]
         }
         Some(LinkError::InUse { .. }) => {
             let busy = failed("opens", "another program has it open".into()).and_do("end that program");

@@ -1,9 +1,10 @@
 //! `praxi image`: keys and signed firmware images.
 
-use super::{Failure, say};
+use super::{Failure, say, say_json};
 use crate::flash::{FlashError, IMAGE_BYTES_MAX, public, read_key, sign, to_hex};
 use crate::{input, output};
 use protocol::image::{Board, ImageError, MAGIC, Version};
+use serde_json::json;
 use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -22,6 +23,9 @@ enum What {
     Key {
         /// The file to write; none may be there
         file: PathBuf,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
     },
     /// Make an image of a firmware's bytes, as they lie in flash behind the header of 1024 bytes
     #[command(
@@ -42,13 +46,16 @@ enum What {
         /// The image to write; an earlier one is replaced
         #[arg(long, value_name = "FILE")]
         out: PathBuf,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
     },
 }
 
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
     match &args.what {
-        What::Key { file } => make_key(file),
-        What::Sign { code, key, board, version, out } => {
+        What::Key { file, json } => make_key(file, *json),
+        What::Sign { code, key, board, version, out, json } => {
             if key.extension().is_some_and(|extension| extension == "pub") {
                 return Err(Failure(format!("{}: that is a public key: a secret one signs", key.display())));
             }
@@ -63,13 +70,18 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
                 return Err(Failure(format!("{} is there and no firmware image: name another", out.display())));
             }
             output::File::begin_over(out)?.finish(&image)?;
-            say(format!("{}: {} bytes, version {version} for {board}", out.display(), image.len()));
+            if *json {
+                let (version, board) = (version.to_string(), board.name());
+                say_json(&json!({ "image": out, "bytes": image.len(), "version": version, "board": board }));
+            } else {
+                say(format!("{}: {} bytes, version {version} for {board}", out.display(), image.len()));
+            }
             Ok(())
         }
     }
 }
 
-fn make_key(file: &Path) -> Result<(), Failure> {
+fn make_key(file: &Path, as_json: bool) -> Result<(), Failure> {
     let mut secret = [0; 32];
     getrandom::fill(&mut secret).map_err(|error| Failure(format!("no random bytes: {error}")))?;
     let mut name = file.as_os_str().to_owned();
@@ -77,7 +89,11 @@ fn make_key(file: &Path) -> Result<(), Failure> {
     let open = Path::new(&name);
     write_new(open, &to_hex(&public(&secret)), 0o644)?;
     write_new(file, &to_hex(&secret), 0o600)?;
-    say(format!("{}: keep it secret; {}: compile it into the boot loader", file.display(), open.display()));
+    if as_json {
+        say_json(&json!({ "secret": file, "public": open }));
+    } else {
+        say(format!("{}: keep it secret; {}: compile it into the boot loader", file.display(), open.display()));
+    }
     Ok(())
 }
 

@@ -12,10 +12,14 @@ mod flash;
 mod image;
 mod lock_chart;
 mod order;
+mod pattern;
 mod plan;
 mod project;
+mod register;
 mod render;
 mod rig;
+mod run;
+mod scene;
 mod see;
 mod sim;
 mod stream;
@@ -23,7 +27,9 @@ mod truth;
 mod tune;
 mod wire_chart;
 
+use crate::link::address::Address;
 use crate::output;
+use crate::stream::StreamError;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 use std::fmt::Display;
@@ -54,6 +60,11 @@ enum Command {
     Compare(compare::Args),
     Project(project::Args),
     Rig(rig::Args),
+    Scene(scene::Args),
+    Pattern(pattern::Args),
+    VerifyMarkers(pattern::VerifyArgs),
+    Run(run::Args),
+    Register(register::Args),
     Stream(stream::Args),
     Order(order::Args),
     Sim(sim::Args),
@@ -71,6 +82,13 @@ struct Failure(String);
 impl<E: std::error::Error> From<E> for Failure {
     fn from(error: E) -> Self {
         Self(error.to_string())
+    }
+}
+
+impl Failure {
+    /// What went wrong with `device`, which is named once.
+    fn at(device: &Address, error: &StreamError) -> Self {
+        Self(if error.names_device() { error.to_string() } else { format!("{device}: {error}") })
     }
 }
 
@@ -113,6 +131,11 @@ pub fn main() -> ExitCode {
         Command::Compare(args) => compare::run(&args),
         Command::Project(args) => project::run(&args),
         Command::Rig(args) => rig::run(&args),
+        Command::Scene(args) => scene::run(&args),
+        Command::Pattern(args) => pattern::run(&args),
+        Command::VerifyMarkers(args) => pattern::verify(&args),
+        Command::Run(args) => run::run(&args),
+        Command::Register(args) => register::run(&args),
         Command::Order(args) => order::run(&args),
         Command::Stream(args) => stream::run(&args),
         Command::Sim(args) => sim::run(&args),
@@ -161,10 +184,10 @@ fn refuse_arguments(error: &clap::Error) -> ExitCode {
 fn say(text: impl Display) {
     let mut out = std::io::stdout().lock();
     let written = writeln!(out, "{}", text.to_string().trim_end()).and_then(|()| out.flush());
-    if let Err(error) = written.as_ref().map_err(std::io::Error::kind)
-        && error != ErrorKindIo::BrokenPipe
+    if let Err(error) = &written
+        && error.kind() != ErrorKindIo::BrokenPipe
     {
-        eprintln!("praxi: error: standard output: {error}");
+        eprintln!("praxi: error: standard output: {}", output::reason(error));
         std::process::exit(2);
     }
     if written.is_err() {

@@ -2,7 +2,7 @@
 
 use super::{Failure, say, say_json};
 use crate::link::address::Address;
-use crate::link::sim::{Clock, Simulated};
+use crate::link::sim::{Clock, Injector, Simulated};
 use crate::rigs;
 use crate::stream::order;
 use protocol::message::Command;
@@ -50,8 +50,8 @@ fn degrees(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
-    let simulated = Simulated { rig: rigs::find("reference")?, seed: 1, clock: Clock::Simulated };
-    let named = |error: &dyn std::fmt::Display| Failure(format!("{}: {error}", args.device));
+    let simulated =
+        Simulated { rig: rigs::find("reference")?, seed: 1, clock: Clock::Simulated, injector: Injector::default() };
     let command = match args.order {
         Order::Start => Command::Start,
         Order::Stop => Command::Stop,
@@ -62,13 +62,19 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
         }
     };
     let mut way = args.device.way(&simulated)?;
-    let status = order(way.connect()?, command, REPORTED_WITHIN).map_err(|error| named(&error))?;
-    let Some(status) = status else { return Err(named(&"it took the order and does not report")) };
+    let link = way.connect().map_err(|error| Failure::at(&args.device, &error.into()))?;
+    let status = order(link, command, REPORTED_WITHIN).map_err(|error| Failure::at(&args.device, &error))?;
+    let Some(status) = status else {
+        return Err(Failure(format!(
+            "{}: it took the order and does not report: praxi doctor may say why",
+            args.device
+        )));
+    };
     let fault = status.fault.map(|fault| format!(": {fault}")).unwrap_or_default();
     if args.json {
         say_json(&json!({ "device": args.device.to_string(), "state": status.state, "fault": status.fault }));
     } else {
-        say(format!("{}: {}{fault}", args.device, super::stream::word(status.state)));
+        say(format!("{}: {}{fault}", args.device, status.state.name()));
     }
     Ok(())
 }

@@ -1,11 +1,10 @@
 //! `praxi plan`: which methods a turn would be rendered by, and why.
 
-use super::args::{PlanArgs, SceneArgs, busy, pixels};
+use super::args::{PlanArgs, RigArgs, SceneArgs, busy, pixels};
 use super::{Failure, say, say_json};
 use crate::render::plan::Plan;
 use crate::render::plan::choose::{Budget, Candidate, PlanError};
 use crate::render::plan::speed::ms_per_cost;
-use crate::rigs;
 use serde_json::json;
 
 /// Choose the methods for a scene on a rig within a budget, and say what others would cost
@@ -14,9 +13,8 @@ use serde_json::json;
 pub(super) struct Args {
     #[command(flatten)]
     scene: SceneArgs,
-    /// A rig file, or reference, reference-180hz, high-viewer, tent
-    #[arg(long)]
-    rig: String,
+    #[command(flatten)]
+    rig: RigArgs,
     #[command(flatten)]
     plan: PlanArgs,
     /// Print JSON
@@ -25,7 +23,7 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
-    let rig = rigs::find(&args.rig)?;
+    let rig = args.rig.find()?;
     let (_, shaded) = args.scene.load()?;
     let planned = args.plan.choose(&shaded, &rig)?;
     let chosen = planned.choice.chosen;

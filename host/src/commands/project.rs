@@ -1,7 +1,7 @@
 //! `praxi project`: one scene point in one slice.
 
+use super::args::RigArgs;
 use super::{Failure, say, say_json};
-use crate::rigs;
 use glam::DVec3;
 use serde_json::json;
 use shaders::project::{Model, SliceOptics, Viewer, Visibility};
@@ -15,9 +15,8 @@ use shaders::project::{Model, SliceOptics, Viewer, Visibility};
     after_help = "Example: praxi project --rig reference --model cone --slice 39 -- -0.003 0.041 0.026"
 )]
 pub(super) struct Args {
-    /// A rig file, or reference, reference-180hz, high-viewer, tent
-    #[arg(long)]
-    rig: String,
+    #[command(flatten)]
+    rig: RigArgs,
     /// How the diffuser is modelled
     #[arg(long, value_enum, default_value = "cone")]
     model: ModelArg,
@@ -57,7 +56,7 @@ impl From<ModelArg> for Model {
 }
 
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
-    let rig = rigs::find(&args.rig)?;
+    let rig = args.rig.find()?;
     let allowed = |what, value: usize, count: usize| match value < count {
         true => Ok(()),
         false => Err(Failure(format!("--{what} {value}: rig {} has 0 to {}", rig.name, count - 1))),

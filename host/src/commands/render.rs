@@ -1,11 +1,10 @@
 //! `praxi render`: one turn of a scene, as a folder.
 
-use super::args::{PlanArgs, RendererArgs, SceneArgs, pixels, progress};
+use super::args::{PlanArgs, RendererArgs, RigArgs, SceneArgs, pixels, progress};
 use super::{Failure, say, say_json};
 use crate::output::Folder;
 use crate::render::plan::{Halftone, Plan};
 use crate::rendered::{Method, Rotation, SceneNote, write};
-use crate::rigs;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -15,9 +14,8 @@ use std::path::PathBuf;
 pub(super) struct Args {
     #[command(flatten)]
     scene: SceneArgs,
-    /// A rig file, or reference, reference-180hz, high-viewer, tent
-    #[arg(long)]
-    rig: String,
+    #[command(flatten)]
+    rig: RigArgs,
     /// The folder to write; an earlier result of praxi is replaced
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -34,7 +32,7 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
-    let rig = rigs::find(&args.rig)?;
+    let rig = args.rig.find()?;
     let renderer = args.renderer.open()?;
     let (scene, shaded) = args.scene.load()?;
     let folder = Folder::begin(&args.out)?;

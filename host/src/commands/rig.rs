@@ -5,6 +5,7 @@ use crate::rigs;
 use crate::seen::{View, reaching_slices};
 use crate::volume::display_radius_m;
 use glam::DVec3;
+use protocol::rig::curve::Spot;
 use protocol::rig::{Rig, Viewers};
 use serde_json::json;
 
@@ -84,12 +85,8 @@ impl Facts {
         let spacing_deg = 360.0 / f64::from(rig.rotation.slices);
         let radius = display_radius_m(rig);
         // Viewers at infinity are taken as standing 100 m away.
-        let (from, spacing_mm) = match rig.viewers() {
-            Viewers::Circle { distance_m, height_m } => {
-                (DVec3::new(0.0, height_m, distance_m), Some(distance_m * spacing_deg.to_radians() * 1e3))
-            }
-            Viewers::Infinity { elevation } => (DVec3::new(0.0, elevation.sin(), elevation.cos()) * 100.0, None),
-        };
+        let from = rig.viewers().place(0.0, 100.0);
+        let spacing_mm = rig.viewing.distance_m.map(|distance_m| distance_m * spacing_deg.to_radians() * 1e3);
         let view = View { from, look_at: DVec3::ZERO, window_m: 2.0 * radius.max(1e-3), pixels: 32, rays: 1 };
         Self {
             spacing_deg,
@@ -113,12 +110,18 @@ fn warnings(rig: &Rig, facts: &Facts) -> Vec<String> {
     let mut warnings = Vec::new();
     for (index, face) in rig.mirror.face.iter().enumerate() {
         let tilt = face.tilt_deg.to_radians();
+        let steep = |Spot { distance_m, height_m }: Spot| {
+            (height_m > distance_m * tilt.tan()).then(|| {
+                format!(
+                    "viewers {height_m} m high look down more steeply than mirror.face[{index}] stands: above {:.3} m \
+                     = distance_m tan(tilt_deg) they also see it facing away, as ghosts",
+                    distance_m * tilt.tan()
+                )
+            })
+        };
         match rig.viewers() {
-            Viewers::Circle { distance_m, height_m } if height_m > distance_m * tilt.tan() => warnings.push(format!(
-                "viewers {height_m} m high look down more steeply than mirror.face[{index}] stands: above {:.3} m \
-                 = distance_m tan(tilt_deg) they also see it facing away, as ghosts",
-                distance_m * tilt.tan()
-            )),
+            Viewers::Circle { distance_m, height_m } => warnings.extend(steep(Spot { distance_m, height_m })),
+            Viewers::Curve(curve) => warnings.extend(curve.spots().filter_map(steep)),
             Viewers::Infinity { elevation } if elevation > tilt => warnings.push(format!(
                 "viewers at infinity look down more steeply than mirror.face[{index}] stands: above {} degrees they also \
                  see it facing away, as ghosts",
@@ -131,7 +134,7 @@ fn warnings(rig: &Rig, facts: &Facts) -> Vec<String> {
         warnings.push("no point at the origin is visible from every side: the display volume is empty".into());
     }
     if facts.reaching == 0 {
-        warnings.push("no slice reaches an eye on the viewing circle".into());
+        warnings.push("no slice reaches an eye where viewers are".into());
     }
     warnings
 }

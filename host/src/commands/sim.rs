@@ -55,16 +55,16 @@ pub(super) struct Args {
     /// All noise follows from it
     #[arg(long, value_parser = seed, allow_negative_numbers = true, default_value_t = 1)]
     seed: u64,
-    /// Be a controller that other programs talk to, in real time, until Ctrl-C: the mirror spins up when it is told to, and events of a
+    /// Be a controller that other programs talk to, in real time, until Ctrl-C or SIGTERM: the mirror spins up when it is told to, and events of a
     /// scenario happen
     #[arg(long, value_enum, conflicts_with = "seconds")]
     serve: Option<Serve>,
-    /// Bits a second of a served serial line; ten are a byte
-    #[arg(long, value_name = "N", default_value_t = BAUD, requires = "serve", value_parser = clap::value_parser!(u32).range(300..=50_000_000))]
-    baud: u32,
-    /// Where a served USB device is offered
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:3240", requires = "serve")]
-    listen: SocketAddr,
+    #[arg(long, value_name = "N", requires = "serve", value_parser = clap::value_parser!(u32).range(300..=50_000_000))]
+    #[arg(help = format!("Bits a second of a served serial line, {BAUD} by itself; ten are a byte"))]
+    baud: Option<u32>,
+    /// Where a served USB device is offered, 127.0.0.1:3240 by itself
+    #[arg(long, value_name = "ADDRESS:PORT", requires = "serve")]
+    listen: Option<SocketAddr>,
     /// The public key whose owner's firmware a served USB device takes; without one it takes none
     #[arg(long, value_name = "FILE", requires = "serve")]
     key: Option<PathBuf>,
@@ -115,11 +115,12 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     scenario.pacing = args.pacing.map_or(scenario.pacing, Leader::pacing);
     let refused = |error: &dyn Display| Failure(format!("{} with motor {}: {error}", args.rig, args.motor));
     if let Some(serve) = args.serve {
+        refuse_others(serve, args)?;
         // The plain scenario is a start.
         scenario.events.retain(|_| args.scenario != PLAIN);
         let simulator = Simulator::new(&rig, motor, scenario, args.seed).map_err(|error| refused(&error))?;
         return match serve {
-            Serve::Usb => serve_usb::run(simulator, args.seed, args.listen, args.key.as_deref(), args.json),
+            Serve::Usb => serve_usb::run(simulator, args),
             Serve::Serial => serve_serial(simulator, args),
         };
     }
@@ -146,9 +147,24 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     Err(Failure(format!("{first}; repeat with: {repeat}{pacing}")))
 }
 
+/// What belongs to the other thing that can be served is not passed over in silence.
+fn refuse_others(serve: Serve, args: &Args) -> Result<(), Failure> {
+    let given = match serve {
+        Serve::Serial => [("--listen", args.listen.is_some()), ("--key", args.key.is_some())],
+        Serve::Usb => [("--baud", args.baud.is_some()), ("", false)],
+    };
+    let [this, other] = if matches!(serve, Serve::Usb) { ["usb", "serial"] } else { ["serial", "usb"] };
+    match given.into_iter().find(|(_, is_given)| *is_given) {
+        Some((name, _)) => {
+            Err(Failure(format!("{name} has no meaning for --serve {this}: leave it out, or --serve {other}")))
+        }
+        None => Ok(()),
+    }
+}
+
 #[cfg(unix)]
 fn serve_serial(simulator: Simulator, args: &Args) -> Result<(), Failure> {
-    serve_serial::serve(simulator, args.baud, args.json)
+    serve_serial::serve(simulator, args.baud.unwrap_or(BAUD), args.json)
 }
 
 #[cfg(not(unix))]

@@ -8,20 +8,19 @@ use super::args::{PlanArgs, RendererArgs, seed};
 use super::{Failure, say, warn};
 use crate::halftoned::Halftoned;
 use crate::link::address::{Address, Way};
-use crate::link::sim::{Clock, Simulated};
+use crate::link::sim::{Clock, Injector, Simulated};
 use crate::render::Renderer;
 use crate::render::plan::Halftone;
 use crate::render::turn::Turn;
 use crate::rigs;
-use crate::stream::StreamError;
-use crate::stream::live::{Live, Source, Standby, Step};
+use crate::stream::live::{Live, Progress, Source, Standby, Step};
 use crate::stream::mailbox::Mailbox;
 use meter::Meter;
-pub(super) use meter::word;
 use program::Program;
 use protocol::codec::ImageSize;
 use protocol::message::{Command, State};
 use protocol::rig::Rig;
+use report::Report;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -37,7 +36,7 @@ const LOCK_WITHIN: Duration = Duration::from_secs(60);
 
 /// Render scenes and stream them to a controller, turn after turn: the newest one is shown, a device that goes away is looked for
 #[derive(clap::Args)]
-#[command(after_help = "Examples: praxi stream bunny.glb --device usb --animate spin\n          \
+#[command(after_help = "Examples: praxi stream builtin --device usb --animate spin\n          \
     praxi stream builtin --device sim:usb --turns 100 --json\n\n\
     The last turn stays on the display when the program ends, until praxi order stop; --at-end stop stops the mirror.\n    \
     Ctrl-C leaves the turn that is under way; pressed twice, it ends everything at once.")]
@@ -135,42 +134,39 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let renderer = args.renderer.open()?;
     let program = Program::load(args, &rig)?;
     let standby = standby(args, &rig, renderer.as_ref())?;
-    let simulated = Simulated { rig: rig.clone(), seed: args.seed, clock: Clock::Wall };
-    let named = |error: &dyn std::fmt::Display| Failure(format!("{}: {error}", args.device));
+    let simulated = Simulated { rig: rig.clone(), seed: args.seed, clock: Clock::Wall, injector: Injector::default() };
     let way = args.device.way(&simulated)?;
     let look_for = Duration::from_secs_f64(args.look_for_s);
     let display = Live::new(way, &rig.rotation(), size, [DEADLINE, look_for]);
-    let mut display = display.map_err(|error| match error {
-        // These name the device.
-        StreamError::Link(error) => Failure(error.to_string()),
-        error => named(&error),
-    })?;
+    let mut display = display.map_err(|error| Failure::at(&args.device, &error))?;
     if let Some(turn) = standby {
         display.set_standby(Standby { after: STANDBY_AFTER, turn });
     }
     let interrupted = super::until_interrupted();
     let mailbox = Mailbox::default();
     let wants_more = || !interrupted.load(Ordering::Relaxed);
-    let outcome = std::thread::scope(|scope| {
+    let meter = Meter::new(args.json, &rig, size.plane_bytes(), &display);
+    let mut source = Watched { mailbox: mailbox.clone(), wants_more: &wants_more, meter };
+    let (streamed, rendered) = std::thread::scope(|scope| {
         let rendering = scope.spawn(|| {
             let rendered = program.render(renderer.as_ref(), &rig, &mailbox);
             mailbox.close();
             rendered
         });
-        let streamed = show(args, &rig, &mut display, &mailbox, &wants_more);
+        let streamed = show(args, &mut display, &mut source);
+        source.meter.clear();
         mailbox.close();
-        let rendered = rendering.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        streamed.and_then(|meter| Ok((meter, rendered?)))
+        (streamed, rendering.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
     });
-    let (meter, rendering) = outcome?;
-    leave(args, &mut display)?;
-    let report = report::Report::new(args, &display, &mailbox, &meter, rendering);
+    let (rendering, rendered) = rendered.map_or_else(|error| (Default::default(), Err(error)), |its| (its, Ok(())));
+    let outcome = streamed.and(rendered).and_then(|()| leave(args, &mut display));
+    let report = Report::new(args, &display, &mailbox, &source.meter, rendering, outcome.as_ref().err());
     if args.json {
         say(report.as_json())
-    } else {
+    } else if outcome.is_ok() || source.meter.has_begun {
         say(report.as_text())
     }
-    Ok(())
+    outcome
 }
 
 /// The turn that stands when turns stop coming.
@@ -183,22 +179,20 @@ fn standby(args: &Args, rig: &Rig, renderer: &dyn Renderer) -> Result<Option<Pic
 }
 
 /// Brings the mirror into step, then sends turns until there are enough.
-fn show(
-    args: &Args,
-    rig: &Rig,
-    display: &mut Display,
-    mailbox: &Mailbox<Picture>,
-    wants_more: &dyn Fn() -> bool,
-) -> Result<Meter, Failure> {
-    let mut meter = Meter::new(args.json, rig, display.now());
-    let mut source = UntilInterrupted { mailbox: mailbox.clone(), wants_more };
-    spin_up(args, display, &mut meter, wants_more)?;
-    meter.start(display);
-    while wants_more() && args.turns.is_none_or(|turns| display.totals().delivered < turns) && !mailbox.is_closed() {
-        match step(args, display, &mut source)? {
+fn show(args: &Args, display: &mut Display, source: &mut Watched<'_>) -> Result<(), Failure> {
+    spin_up(args, display, source)?;
+    source.meter.start(display);
+    while !source.is_over()
+        && args.turns.is_none_or(|turns| display.totals().delivered < turns)
+        && !source.mailbox.is_closed()
+    {
+        let stepped = step(args, display, source)?;
+        let meter = &mut source.meter;
+        match stepped {
             Step::Away(error) if display.totals().reconnects == meter.losses => {
                 meter.losses += 1;
-                warn(format!("{}: {error}: looking for it", args.device));
+                let Failure(text) = Failure::at(&args.device, &error);
+                warn(format!("{text}: looking for it"));
             }
             Step::Back => {
                 meter.losses = display.totals().reconnects;
@@ -206,49 +200,43 @@ fn show(
             }
             _ => {}
         }
-        start(display)?;
-        meter.tell(display, mailbox);
+        start(args, display)?;
+        meter.tell(display, &source.mailbox);
     }
     let until = display.now() + ON_SCREEN_WITHIN;
     while !display.shows_last() && display.is_connected() && display.now() < until {
         step(args, display, &mut Nothing)?;
     }
-    meter.clear();
-    Ok(meter)
+    Ok(())
 }
 
 /// One step; a fault of the controller ends the stream.
 fn step(args: &Args, display: &mut Display, source: &mut impl Source<Turn = Picture>) -> Result<Step, Failure> {
-    let named = |error: &dyn std::fmt::Display| Failure(format!("{}: {error}", args.device));
-    let step = display.step(source).map_err(|error| named(&error))?;
+    let step = display.step(source).map_err(|error| Failure::at(&args.device, &error))?;
     let fault = display.status().filter(|status| status.state == State::Fault).and_then(|status| status.fault);
     if let Some(fault) = fault {
         let cause = display.faults().map(|faults| format!(" ({})", faults.cause())).unwrap_or_default();
         let cause = cause.replace(" ()", "");
-        return Err(named(&format!("the controller stopped: {fault}{cause}; see to it, then praxi order clear-fault")));
+        let what = format!("the controller stopped: {fault}{cause}; see to it, then praxi order clear-fault");
+        return Err(Failure(format!("{}: {what}", args.device)));
     }
     Ok(step)
 }
 
 /// A controller that waits is told to start.
-fn start(display: &mut Display) -> Result<(), Failure> {
+fn start(args: &Args, display: &mut Display) -> Result<(), Failure> {
     if display.is_connected() && display.status().is_some_and(|status| status.state == State::Idle) {
-        display.command(Command::Start)?;
+        display.command(Command::Start).map_err(|error| Failure::at(&args.device, &error))?;
     }
     Ok(())
 }
 
-fn spin_up(
-    args: &Args,
-    display: &mut Display,
-    meter: &mut Meter,
-    wants_more: &dyn Fn() -> bool,
-) -> Result<(), Failure> {
+fn spin_up(args: &Args, display: &mut Display, source: &mut Watched<'_>) -> Result<(), Failure> {
     let began = display.now();
-    while wants_more() && !display.status().is_some_and(|status| status.state.may_light()) {
+    while !source.is_over() && !display.status().is_some_and(|status| status.state.may_light()) {
         step(args, display, &mut Nothing)?;
-        start(display)?;
-        meter.spinning_up(display);
+        start(args, display)?;
+        source.meter.spinning_up(display);
         if display.now().saturating_sub(began) > LOCK_WITHIN {
             let state = display.status().map(|status| status.state);
             return Err(Failure(format!(
@@ -270,18 +258,19 @@ fn leave(args: &Args, display: &mut Display) -> Result<(), Failure> {
         }
     }
     if args.at_end == AtEnd::Stop {
-        display.command(Command::Stop)?;
+        display.command(Command::Stop).map_err(|error| Failure::at(&args.device, &error))?;
     }
     Ok(())
 }
 
-/// Turns until Ctrl-C.
-struct UntilInterrupted<'a> {
+/// Turns until Ctrl-C, and how they do.
+struct Watched<'a> {
     mailbox: Mailbox<Picture>,
     wants_more: &'a dyn Fn() -> bool,
+    meter: Meter,
 }
 
-impl Source for UntilInterrupted<'_> {
+impl Source for Watched<'_> {
     type Turn = Picture;
 
     fn take(&mut self, now: Duration) -> Option<Picture> {
@@ -294,6 +283,10 @@ impl Source for UntilInterrupted<'_> {
 
     fn is_over(&mut self) -> bool {
         !(self.wants_more)()
+    }
+
+    fn watch(&mut self, progress: &Progress) {
+        self.meter.watch(progress, &self.mailbox);
     }
 }
 

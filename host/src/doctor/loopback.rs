@@ -1,8 +1,9 @@
 //! A turn that the device checks and never shows: noise that it must expand to the last bit, and then a check that is wrong on purpose.
 
-use super::probe::{Answer, Asked, Probe, ProbeError};
+use super::probe::{Answer, Asked, Probe};
+use crate::stream::StreamError;
 use protocol::codec::{Compressor, Hint, ImageSize, plane_check, turn_check};
-use protocol::message::{BeginTurn, Configure, EndTurn, PLANE_PART_BYTES, PlaneData, Reason, State};
+use protocol::message::{BeginTurn, Configure, EndTurn, PLANE_PART_BYTES, PlaneData, Reason};
 use protocol::rig::Rig;
 use std::collections::VecDeque;
 
@@ -18,7 +19,7 @@ const AHEAD_BYTES: f64 = (512 * 1024) as f64;
 
 /// What came of it.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Loopback {
+pub(crate) enum Loopback {
     /// Every plane arrived, and what was wrong on purpose was refused.
     Whole {
         /// Planes.
@@ -34,10 +35,10 @@ pub enum Loopback {
     Wrong(String),
 }
 
-/// Runs it with turns of `rig`. Whatever is shown or waits to be shown stays.
-pub fn run(probe: &mut Probe<'_>, rig: &Rig) -> Result<Loopback, ProbeError> {
-    if let Some(status) = probe.status
-        && (status.turn_on_screen.is_some() || !matches!(status.state, State::Idle | State::Fault))
+/// Runs it with turns of `rig`. Whatever is shown stays; a display at rest gives up turns of another rig.
+pub(crate) fn run(probe: &mut Probe<'_>, rig: &Rig) -> Result<Loopback, StreamError> {
+    if let Some(status) = probe.status()
+        && (status.turn_on_screen.is_some() || !status.state.is_at_rest())
     {
         return Ok(Loopback::Skipped(format!(
             "the display is running (state {:?}), and is not disturbed",
@@ -54,9 +55,15 @@ pub fn run(probe: &mut Probe<'_>, rig: &Rig) -> Result<Loopback, ProbeError> {
     };
     let turn = probe.now().as_micros() as u32;
     let begin = BeginTurn { turn, slices: rotation.slices() as u16 };
-    for answer in [probe.ask(Configure::new(&rotation, size))?, probe.ask(begin)?] {
+    let configure = Configure::new(&rotation, size);
+    let mut configured = probe.ask(configure)?;
+    if configured == Answer::Nack(Reason::Busy) {
+        // It was asked to give them up.
+        configured = probe.ask(configure)?;
+    }
+    for answer in [configured, probe.ask(begin)?] {
         match answer {
-            Answer::Nack(Reason::Busy) => return Ok(Loopback::Skipped("it holds another host's turns".into())),
+            Answer::Nack(Reason::Busy) => return Ok(Loopback::Skipped("it keeps another host's turns".into())),
             Answer::Nack(reason) => return Ok(Loopback::Wrong(format!("turns of rig {}: {reason}", rig.name))),
             _ => {}
         }
@@ -116,7 +123,7 @@ impl<'a, 'b> Sender<'a, 'b> {
     }
 
     /// Every plane of the turn; the first refusal ends it.
-    fn send_all(&mut self) -> Result<Option<Reason>, ProbeError> {
+    fn send_all(&mut self) -> Result<Option<Reason>, StreamError> {
         for slice in 0..self.begin.slices {
             let plane = self.plane(slice);
             let check = plane_check(&plane);
@@ -129,7 +136,7 @@ impl<'a, 'b> Sender<'a, 'b> {
         self.settle(0)
     }
 
-    fn send_plane(&mut self, slice: u16, plane: &[u8], check: u64) -> Result<Option<Reason>, ProbeError> {
+    fn send_plane(&mut self, slice: u16, plane: &[u8], check: u64) -> Result<Option<Reason>, StreamError> {
         let mut compressed = Vec::new();
         self.compressor.compress(plane, Hint::None, &mut compressed);
         let (turn, total) = (self.begin.turn, compressed.len() as u32);
@@ -147,7 +154,7 @@ impl<'a, 'b> Sender<'a, 'b> {
     }
 
     /// Waits until at most so many bytes are under way. The first refusal ends it.
-    fn settle(&mut self, bytes: usize) -> Result<Option<Reason>, ProbeError> {
+    fn settle(&mut self, bytes: usize) -> Result<Option<Reason>, StreamError> {
         while self.bytes_under_way > bytes
             && let Some(asked) = self.under_way.pop_front()
         {
@@ -161,7 +168,7 @@ impl<'a, 'b> Sender<'a, 'b> {
     }
 
     /// A turn and a plane whose checks are another's: neither may be taken. What happened in place of that, if so.
-    fn send_what_is_wrong(&mut self) -> Result<Option<String>, ProbeError> {
+    fn send_what_is_wrong(&mut self) -> Result<Option<String>, StreamError> {
         let check = turn_check(self.begin.turn, self.checks.iter().copied());
         let answer = self.probe.ask(EndTurn { turn: self.begin.turn, check: !check })?;
         if answer != Answer::Nack(Reason::TurnDamaged) {

@@ -1,5 +1,5 @@
 use super::*;
-use crate::link::sim::{Cable, Clock, SimLink, Simulated};
+use crate::link::sim::{Cable, Clock, Injector, SimLink, Simulated};
 use crate::link::{Connect, LinkError};
 use crate::stream::{Stream, TurnPlanes};
 use hil_sim::device::{Device, Endpoint};
@@ -15,6 +15,12 @@ fn rig() -> Rig {
     Rig::parse(&text.replace("_px = 768", "_px = 96").replace("[384.0, 384.0]", "[48.0, 48.0]")).unwrap()
 }
 
+fn examined(link: &mut dyn Link, carrier: Carrier) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    examine(link, carrier, &rig(), &mut |finding| findings.push(finding));
+    findings
+}
+
 fn verdicts(findings: &[Finding]) -> Vec<(&str, Verdict)> {
     findings.iter().map(|finding| (finding.check, finding.verdict)).collect()
 }
@@ -23,7 +29,7 @@ fn verdicts(findings: &[Finding]) -> Vec<(&str, Verdict)> {
 fn a_healthy_device_passes_every_check_and_is_left_as_it_was() {
     let simulator = Simulator::new(&rig(), Motor::reference(), Scenario::without_events(), 1).unwrap();
     let mut link = SimLink::new(simulator);
-    let findings = examine(&mut link, Carrier::Other, &rig());
+    let findings = examined(&mut link, Carrier::Other);
     let checks = ["protocol", "firmware", "link speed", "round trip", "loopback", "turns"];
     assert_eq!(verdicts(&findings), checks.map(|check| (check, Verdict::Ok)), "{findings:#?}");
     let counters = link.endpoint().device().counters();
@@ -35,9 +41,9 @@ fn a_healthy_device_passes_every_check_and_is_left_as_it_was() {
 #[test]
 fn a_paced_line_is_measured() {
     for (cable, expected) in [(Cable::Usb, 45e6), (Cable::Serial(1_000_000), 100e3)] {
-        let simulated = Simulated { rig: rig(), seed: 1, clock: Clock::Simulated };
+        let simulated = Simulated { rig: rig(), seed: 1, clock: Clock::Simulated, injector: Injector::default() };
         let mut link = simulated.connect_by(cable).unwrap().connect().unwrap();
-        let findings = examine(&mut link, Carrier::Other, &rig());
+        let findings = examined(&mut link, Carrier::Other);
         assert!(findings.iter().all(|finding| finding.verdict != Verdict::Failed), "{findings:#?}");
         let measured = findings.last().unwrap().figures["bytes_per_second"].as_f64().unwrap();
         assert!((0.95..1.0001).contains(&(measured / expected)), "{cable:?}: {measured}");
@@ -47,9 +53,9 @@ fn a_paced_line_is_measured() {
 
 #[test]
 fn a_line_that_is_too_slow_is_not_put_to_the_loopback() {
-    let simulated = Simulated { rig: rig(), seed: 1, clock: Clock::Simulated };
+    let simulated = Simulated { rig: rig(), seed: 1, clock: Clock::Simulated, injector: Injector::default() };
     let mut link = simulated.connect_by(Cable::Serial(2_400)).unwrap().connect().unwrap();
-    let findings = examine(&mut link, Carrier::Other, &rig());
+    let findings = examined(&mut link, Carrier::Other);
     // 288 packets of 40 bytes at 240 bytes a second.
     assert_eq!((findings[4].verdict, findings[4].text.contains("48 s")), (Verdict::Skipped, true), "{findings:#?}");
 }
@@ -76,7 +82,7 @@ fn a_display_that_runs_is_not_disturbed() {
     while stream.poll(Duration::from_millis(50)).unwrap().is_none_or(|status| status.turn_on_screen.is_none()) {}
     let before = stream.status().unwrap().turn_on_screen;
     let mut link = stream.into_link();
-    let findings = examine(&mut link, Carrier::Other, &rig());
+    let findings = examined(&mut link, Carrier::Other);
     let loopback = findings.iter().find(|finding| finding.check == "loopback").unwrap();
     assert_eq!(loopback.verdict, Verdict::Skipped, "{findings:#?}");
     let mut stream = Stream::new(link, &rig().rotation(), size).unwrap();
@@ -114,7 +120,7 @@ impl Endpoint for Answering {
 }
 
 fn examine_answering(answer: fn(u32, bool) -> Option<Message<'static>>) -> Vec<Finding> {
-    examine(&mut SimLink::new(Answering(Decoder::new(), Vec::new(), answer)), Carrier::Usb, &rig())
+    examined(&mut SimLink::new(Answering(Decoder::new(), Vec::new(), answer)), Carrier::Usb)
 }
 
 #[test]
@@ -124,7 +130,9 @@ fn another_release_is_named_and_asked_nothing_more() {
     assert_eq!(verdicts(&findings), [("protocol", Verdict::Failed)]);
     let text = &findings[0].text;
     assert!(text.contains("version 9") && text.contains("0x0000000000000007"), "{text}");
-    assert!(findings[0].remedy.is_some());
+    let flash = "praxi flash IMAGE --device usb";
+    assert!(findings[0].remedy.as_ref().is_some_and(|remedy| remedy.ends_with(flash)), "{findings:?}");
+    assert!(same_release(Carrier::Other).contains("not over this line"));
 }
 
 #[test]
@@ -170,7 +178,7 @@ impl Endpoint for Unplugged {
 #[test]
 fn a_conversation_that_breaks_off_is_a_failure_wherever_it_does() {
     for packets in [1, 2, 30, 60, 200] {
-        let findings = examine(&mut SimLink::new(Unplugged(Device::new(), packets)), Carrier::Other, &rig());
+        let findings = examined(&mut SimLink::new(Unplugged(Device::new(), packets)), Carrier::Other);
         let last = findings.last().unwrap();
         assert_eq!((last.check, last.verdict), ("answers", Verdict::Failed), "{packets}: {findings:#?}");
         assert!(last.text.contains(&LinkError::Gone.to_string()), "{}", last.text);
@@ -186,8 +194,8 @@ fn a_controller_that_stopped_says_why() {
         phase_error: 0,
         speed_microhertz: 0,
         turns_shown: 0,
-        turn_on_screen: None,
-        turns_received: 0,
+        turn_on_screen: Some(4_000_000_000),
+        turns_received: 7,
         turns_abandoned: 0,
         packets: 0,
         packets_damaged: 0,
@@ -204,9 +212,10 @@ fn a_controller_that_stopped_says_why() {
     };
     let finding = firmware(Some(&status), Some(&faults));
     assert_eq!(finding.verdict, Verdict::Failed);
-    for word in ["turned too fast", "200.0000 rad/s", "3 fault(s)"] {
+    for word in ["turned too fast", "200.0000 rad/s", "3 fault(s)", "a turn on screen", "7 turn(s) came whole"] {
         assert!(finding.text.contains(word), "{}", finding.text);
     }
+    assert!(!finding.text.contains("4000000000"), "{}", finding.text);
     (status.state, status.fault) = (State::Idle, None);
     assert_eq!(firmware(Some(&status), Some(&faults)).verdict, Verdict::Ok);
 }

@@ -19,6 +19,16 @@ pub enum LinkError {
         /// What to do.
         remedy: String,
     },
+    /// It is something else.
+    #[error("{name} is {what}: {remedy}")]
+    Other {
+        /// What was asked for.
+        name: String,
+        /// What it is, and is not.
+        what: &'static str,
+        /// What to do.
+        remedy: String,
+    },
     /// There is more than one.
     #[error("{name} is more than one device: name one of {}", found.join(", "))]
     Several {
@@ -47,6 +57,13 @@ pub enum LinkError {
     /// See the message.
     #[error("the link failed: {0}")]
     Io(#[from] std::io::Error),
+}
+
+impl LinkError {
+    /// Whether the message begins with the name of the device, or has it in its place.
+    pub fn names_device(&self) -> bool {
+        !matches!(self, Self::Gone | Self::Io(_))
+    }
 }
 
 /// A stream of bytes in each direction. Bytes may be lost, changed or repeated; packets are checked.
@@ -89,6 +106,24 @@ impl<C: Connect + ?Sized> Connect for Box<C> {
 
     fn wait(&mut self, time: Duration) {
         (**self).wait(time);
+    }
+}
+
+impl<L: Link + ?Sized> Link for &mut L {
+    fn send(&mut self, bytes: &[u8]) -> Result<usize, LinkError> {
+        (**self).send(bytes)
+    }
+
+    fn receive(&mut self, into: &mut Vec<u8>, wait: Duration) -> Result<usize, LinkError> {
+        (**self).receive(into, wait)
+    }
+
+    fn now(&self) -> Duration {
+        (**self).now()
+    }
+
+    fn bytes_per_second(&self) -> Option<f64> {
+        (**self).bytes_per_second()
     }
 }
 

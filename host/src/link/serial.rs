@@ -109,7 +109,7 @@ fn refused(port: &str, error: io::Error) -> LinkError {
         _ if error.raw_os_error().is_some_and(|code| line::GONE.contains(&code)) => {
             LinkError::Absent { name, remedy: format!("nothing answers there ({error}); {}", there_are(&ports())) }
         }
-        _ => LinkError::Io(io::Error::other(format!("{port}: {error}"))),
+        _ => LinkError::Io(error),
     }
 }
 
@@ -119,13 +119,17 @@ fn refused_by_port(port: &str, baud: u32, error: serialport::Error) -> LinkError
         // What it says of a port that is locked.
         serialport::ErrorKind::NoDevice => LinkError::InUse { name: port.into() },
         serialport::ErrorKind::Io(kind) => refused(port, io::Error::new(kind, error.description)),
-        _ => LinkError::Io(io::Error::other(format!("{port} at {baud} baud: {error}"))),
+        _ => LinkError::Io(io::Error::other(format!("at {baud} baud: {error}"))),
     }
 }
 
-/// What `port` is in place of a serial port.
-fn no_port(port: &str) -> LinkError {
-    LinkError::Absent { name: port.into(), remedy: format!("that is no serial port; {}", there_are(&ports())) }
+/// `port` is something that is no serial port.
+fn no_port(port: &str, what: &'static str) -> LinkError {
+    let remedy = match &ports()[..] {
+        [] => "plug the controller in; praxi devices lists the ports then".into(),
+        ports => format!("name a serial port: there is {}", ports.join(", ")),
+    };
+    LinkError::Other { name: port.into(), what, remedy }
 }
 
 /// Where there is something to choose from.

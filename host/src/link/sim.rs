@@ -1,6 +1,8 @@
 //! A controller in this process, in simulated time.
 
 pub use hil_sim::device::Endpoint;
+pub use hil_sim::scenario::Action;
+pub use hil_sim::simulator::Injector;
 
 use super::{Connect, Link, LinkError};
 use hil_sim::motor::Motor;
@@ -234,6 +236,8 @@ pub struct Simulated {
     pub seed: u64,
     /// How its time passes.
     pub clock: Clock,
+    /// What happens to it from outside.
+    pub injector: Injector,
 }
 
 impl Simulated {
@@ -244,6 +248,7 @@ impl Simulated {
             name: "sim".into(),
             remedy: format!("the simulated controller refuses rig {}: {error}", self.rig.name),
         })?;
+        let simulator = simulator.with_injector(self.injector.clone());
         let pace = match cable {
             Cable::None => None,
             Cable::Usb => Some(Pace::USB),
@@ -260,14 +265,14 @@ impl Simulated {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stream::Stream;
+    use crate::stream::{Stream, StreamError, TurnPlanes};
     use protocol::codec::ImageSize;
-    use protocol::message::Command;
+    use protocol::message::{Command, State};
 
     const RIG: &str = include_str!("../../rigs/reference.toml");
 
     fn simulated(clock: Clock) -> Simulated {
-        Simulated { rig: Rig::parse(RIG).unwrap(), seed: 1, clock }
+        Simulated { rig: Rig::parse(RIG).unwrap(), seed: 1, clock, injector: Injector::default() }
     }
 
     #[test]
@@ -295,6 +300,42 @@ mod tests {
             };
             assert!(status.speed_microhertz >= speed, "{cable:?}: {status:?}");
         }
+    }
+
+    struct Dark(Vec<u8>);
+
+    impl TurnPlanes for Dark {
+        fn slices(&self) -> u32 {
+            288
+        }
+
+        fn plane_bytes(&self, _slice: u32) -> &[u8] {
+            &self.0
+        }
+    }
+
+    #[test]
+    fn another_rigs_turns_are_in_the_way_only_while_the_mirror_is_driven() {
+        let mut way = simulated(Clock::Simulated).connect_by(Cable::None).unwrap();
+        let rotation = simulated(Clock::Simulated).rig.rotation();
+        let mut connect = |side| Stream::new(way.connect().unwrap(), &rotation, ImageSize::new(side, side).unwrap());
+        let shows = |stream: &mut Stream<_>, side: usize, state: State| {
+            stream.submit(&Dark(vec![0; side.div_ceil(8) * side])).unwrap();
+            while stream.poll(Duration::from_millis(50)).unwrap().is_none_or(|status| status.state != state) {}
+        };
+        shows(&mut connect(16).unwrap(), 16, State::Idle);
+        let mut stream = connect(24).unwrap();
+        stream.command(Command::Start).unwrap();
+        shows(&mut stream, 24, State::Locked);
+        drop(stream);
+        assert!(matches!(connect(16), Err(StreamError::OtherTurns)));
+        let mut stream = connect(24).unwrap();
+        stream.command(Command::Stop).unwrap();
+        drop(stream);
+        let mut stream = connect(16).unwrap();
+        stream.command(Command::Start).unwrap();
+        shows(&mut stream, 16, State::Locked);
+        while stream.poll(Duration::from_millis(50)).unwrap().is_none_or(|status| status.turn_on_screen.is_none()) {}
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::{Connect, Link, LinkError};
 use bulk::{Bulk, Size, Usb};
-pub use found::{DfuInterface, Endpoints, Found, Name, list, udev_rule};
+pub use found::{DfuInterface, Endpoints, Found, NO_USB, Name, list, udev_rule};
 use std::time::{Duration, Instant, SystemTime};
 
 pub(crate) mod found;

@@ -66,7 +66,8 @@ mod tests {
     fn every_rig_has_one() {
         let tent = rigs::find("tent").unwrap();
         let mut far = rigs::find("reference").unwrap();
-        far.viewing = protocol::rig::Viewing { distance_m: None, height_m: None, elevation_deg: Some(20.0) };
+        far.viewing =
+            protocol::rig::Viewing { distance_m: None, height_m: None, elevation_deg: Some(20.0), tracked: vec![] };
         for rig in [tent, far] {
             let [uu, uv, vv] = eye_blur(&rig, 20).0;
             assert!(uu > 0.5 && vv > 0.5 && uu * vv > uv * uv && uu + vv < 20.0, "{uu} {uv} {vv}");

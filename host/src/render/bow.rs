@@ -9,6 +9,9 @@ use shaders::project::{Model, SliceOptics, Viewer};
 /// Slices of a turn in which bows are measured.
 const SAMPLES: u32 = 24;
 
+/// Bows are measured too in as many slices a turn, of those whose viewers are on a bent piece of a curve: a bend is 10° wide.
+const BENT_SAMPLES: u32 = 144;
+
 /// One turn of a rig by some of its slices, all faces.
 pub struct Samples {
     /// Face by face, each [`Samples::per_face`] slices around the turn.
@@ -20,19 +23,25 @@ pub struct Samples {
 pub type Track = Vec<Option<Vertex<f64>>>;
 
 impl Samples {
-    /// Evenly spread over the turn.
+    /// Evenly spread over the turn, and more where viewers are on a bent piece of a curve.
     pub fn new(rig: &Rig, model: Model) -> Self {
         let method = match model {
             Model::Planar => Method::Planar,
             Model::Cone => Method::ConeNewton,
         };
         let slices = rig.rotation.slices;
-        let per_face = slices.min(SAMPLES);
-        let projectors = (0..rig.mirror.face.len()).flat_map(|face| {
-            let optics = FaceOptics::new(rig, face, method);
-            (0..per_face).map(move |sample| optics.slice(rig.slice_angle(sample * slices / per_face)))
-        });
-        Self { projectors: projectors.collect(), per_face: per_face as usize }
+        let count = slices.min(SAMPLES);
+        let faces: Vec<_> = (0..rig.mirror.face.len()).map(|face| FaceOptics::new(rig, face, method)).collect();
+        let mut samples: Vec<_> = (0..count).map(|sample| sample * slices / count).collect();
+        if !rig.viewing.tracked.is_empty() {
+            let is_bent = |slice: &u32| faces.iter().any(|optics| optics.slice(rig.slice_angle(*slice)).is_bent());
+            samples.extend((0..slices).step_by((slices / BENT_SAMPLES).max(1) as usize).filter(is_bent));
+            samples.sort_unstable();
+            samples.dedup();
+        }
+        let projectors =
+            faces.iter().flat_map(|optics| samples.iter().map(|slice| optics.slice(rig.slice_angle(*slice))));
+        Self { projectors: projectors.collect(), per_face: samples.len() }
     }
 
     /// Where `point` appears.
@@ -74,11 +83,17 @@ impl Samples {
 pub fn reach_m(rig: &Rig) -> f64 {
     match rig.viewers() {
         Viewers::Circle { distance_m, height_m } => distance_m.hypot(height_m),
+        Viewers::Curve(curve) => {
+            // A distance and a height that are not one viewer's may meet.
+            let [_, distance_m] = curve.distances();
+            distance_m.hypot(curve.spots().map(|spot| spot.height_m.abs()).fold(0.0, f64::max))
+        }
         Viewers::Infinity { .. } => 20.0 * panel_m(rig),
     }
 }
 
-fn panel_m(rig: &Rig) -> f64 {
+/// The largest extent of a panel from its middle, metres.
+pub fn panel_m(rig: &Rig) -> f64 {
     let extents = rig.mirror.face.iter().flat_map(|face| {
         [face.width_m / 2.0, face.slope_span_m[0].abs(), face.slope_span_m[1].abs(), face.offset_m.abs()]
     });
@@ -133,9 +148,11 @@ fn flattest_sine(rig: &Rig) -> f64 {
 /// of a scatter of short segments gives it, with a quarter in reserve.
 pub fn edge_limit_m(rig: &Rig, model: Model, radius_m: f64, bow_px: f64) -> f64 {
     const SEGMENTS: u32 = 600;
+    // Bends are in some slices only.
+    let segments = if rig.viewing.tracked.is_empty() { SEGMENTS } else { 8 * SEGMENTS };
     let radius = radius_m.min(1.5 * panel_m(rig)).max(1e-6);
     let length = radius / 8.0;
-    let worst = (0..SEGMENTS).filter_map(|index| bow_of_segment(rig, model, index, radius, length)).fold(0.0, f64::max);
+    let worst = (0..segments).filter_map(|index| bow_of_segment(rig, model, index, radius, length)).fold(0.0, f64::max);
     (length * (bow_px / (1.25 * worst).max(1e-12)).sqrt()).min(whole_edge_m(rig))
 }
 

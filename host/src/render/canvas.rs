@@ -1,10 +1,11 @@
 //! One slice in the making: fixed-point rasterisation, depth by |V' − Q|.
 
-use super::bow::edge_limit_m;
+use super::bow::{edge_limit_m, panel_m};
 use super::mesh::{Mesh, Triangle};
 use super::plan::{DepthTest, Edges, Plan};
 use super::sight::{Line, Sights};
 use crate::scene::{Texture, luminance};
+use core::f64::consts::TAU;
 use core::ops::Range;
 use glam::{DVec3, Vec2, Vec3};
 use protocol::rig::{Rig, Viewers};
@@ -67,14 +68,32 @@ impl Coverage {
 
 /// How far depth may lie from what is interpolated between a triangle's corners, in metres, for each square metre of its longest edge:
 /// a sixth of its curvature, since no point is farther from a corner than the edge by √3, and a fifth more. Its curvature is that of a
-/// sphere about the viewer and of the turning of V' with the point about P'.
+/// sphere about the viewer and of the turning of V' with the point about P'. Where viewers are on a curve, V' also turns faster, and
+/// not evenly.
 fn depth_bulge_per_m(rig: &Rig) -> f64 {
     let throw = 1.0 / rig.camera().position.length();
-    let viewer = match rig.viewers() {
+    let viewers = rig.viewers();
+    let viewer = match &viewers {
         Viewers::Circle { distance_m, .. } => 1.0 / distance_m,
+        Viewers::Curve(curve) => {
+            let turn = throw + 1.0 / curve.distances()[0];
+            let [first, second] = turning(&viewers);
+            return (turn * first + panel_m(rig) * turn * turn * second) / 5.0;
+        }
         Viewers::Infinity { .. } => 0.0,
     };
     (throw + viewer) / 5.0
+}
+
+/// The largest first and second derivative by azimuth of the direction of viewers from the origin; at least 1, as on a circle.
+fn turning(viewers: &Viewers) -> [f64; 2] {
+    const PLACES: u32 = 1440;
+    let step = TAU / f64::from(PLACES);
+    let toward = |place: u32| viewers.place(f64::from(place) * step, 1.0).normalize();
+    (0..PLACES).fold([1.0, 1.0], |[first, second]: [f64; 2], place| {
+        let [before, here, after] = [place, place + 1, place + 2].map(toward);
+        [first.max((here - before).length() / step), second.max((before - 2.0 * here + after).length() / (step * step))]
+    })
 }
 
 /// The square of a triangle's longest edge.

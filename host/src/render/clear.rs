@@ -4,14 +4,13 @@ use super::blur::eye_blur;
 use super::canvas::{Canvas, Coverage, Drawing};
 use super::plan::{Edges, Halftone, Plan, Precision};
 use super::second_pass::SecondPass;
-use super::sight::Line;
 use super::tessellate::tessellate;
 use super::truth::Caster;
 use super::turn::Turn;
 use super::{Prepared, RenderError, Renderer, Wanted};
 use crate::scene::ShadedScene;
 use glam::{DVec2, DVec3};
-use protocol::rig::{Rig, Viewers};
+use protocol::rig::Rig;
 use rayon::prelude::*;
 use shaders::halftone::{Slot, halftone};
 use shaders::project::SliceOptics;
@@ -127,17 +126,9 @@ fn draw<F: Real>(
         match subject {
             Subject::Drawing(drawing) => canvas.draw(drawing, &scene.textures, &projector, owns),
             Subject::Rays(caster) => canvas.cast(&projector, owns, |line| {
-                caster.cast_along(line.mirror, line.toward_viewer, viewer_distance_m(rig, line))
+                caster.cast_along(line.mirror, line.toward_viewer, line.viewer_distance_m())
             }),
         }
-    }
-}
-
-/// |V' − M| in metres.
-fn viewer_distance_m(rig: &Rig, line: &Line) -> f64 {
-    match rig.viewers() {
-        Viewers::Circle { distance_m, height_m } => distance_m.hypot(height_m) + line.depth_m,
-        Viewers::Infinity { .. } => f64::INFINITY,
     }
 }
 

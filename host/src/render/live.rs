@@ -8,15 +8,18 @@ use super::visible::may_slice_show;
 use super::{RenderError, Renderer, Wanted, dark_turn};
 use crate::scene::{ShadedScene, ShadedTriangle};
 use glam::{Vec2, Vec3};
-use protocol::rig::Rig;
+use protocol::rig::{Rig, RigError, TrackedViewer};
 use rayon::prelude::*;
-use shaders::project::methods::{FaceOptics, Real};
+use shaders::project::curve::shows_alike;
+use shaders::project::methods::{FaceOptics, Method, Real};
 use std::collections::HashMap;
 use std::sync::Arc;
 
 /// A turn of the scene that was last shown.
 pub struct Live {
     rig: Rig,
+    /// The rig that the turn is for, where viewers have moved since.
+    before: Option<Rig>,
     plan: Plan,
     scene: ShadedScene,
     turn: Turn,
@@ -25,12 +28,30 @@ pub struct Live {
 impl Live {
     /// A dark turn, of an empty scene.
     pub fn new(rig: &Rig, plan: &Plan) -> Result<Self, RenderError> {
-        Ok(Self { rig: rig.clone(), plan: *plan, scene: ShadedScene::default(), turn: dark_turn(rig, plan)? })
+        Ok(Self {
+            rig: rig.clone(),
+            before: None,
+            plan: *plan,
+            scene: ShadedScene::default(),
+            turn: dark_turn(rig, plan)?,
+        })
     }
 
     /// The turn.
     pub fn turn(&self) -> &Turn {
         &self.turn
+    }
+
+    /// Who is tracked from the next turn on.
+    ///
+    /// # Errors
+    /// The viewers are impossible; then those before stay.
+    pub fn follow(&mut self, viewers: Vec<TrackedViewer>) -> Result<(), RigError> {
+        let mut rig = self.rig.clone();
+        rig.viewing.tracked = viewers;
+        let before = std::mem::replace(&mut self.rig, rig.checked()?);
+        self.before.get_or_insert(before);
+        Ok(())
     }
 
     /// Makes the turn, whose number is `number`, one of `scene`. The slices that were rendered for it: all others, and so their
@@ -43,7 +64,7 @@ impl Live {
         done: &(dyn Fn() + Sync),
     ) -> Result<Vec<u32>, RenderError> {
         let slices = match self.plan.halftone.turns() {
-            1 => changed_slices(&self.scene, &scene, &self.rig, &self.plan)?,
+            1 => self.changed_slices(&scene)?,
             _ => (0..self.rig.rotation.slices).collect(),
         };
         if !slices.is_empty() {
@@ -52,9 +73,34 @@ impl Live {
             prepared.render(Wanted { slices: &slices, number, done }, &mut turn)?;
             self.turn = turn;
         }
-        self.scene = scene;
+        (self.scene, self.before) = (scene, None);
         Ok(slices)
     }
+
+    /// The slices in which scene or viewers have changed.
+    fn changed_slices(&self, scene: &ShadedScene) -> Result<Vec<u32>, RenderError> {
+        let mut slices = changed_slices(&self.scene, scene, &self.rig, &self.plan)?;
+        if let Some(before) = &self.before {
+            slices.extend(slices_of_moved_viewers(before, &self.rig, &self.plan));
+            slices.sort_unstable();
+            slices.dedup();
+        }
+        Ok(slices)
+    }
+}
+
+/// The slices by whose fans viewers are elsewhere on `after` than on `before`, rigs that differ in their tracked viewers alone, in order.
+/// The others show the same by both, but for where `plan` cuts edges, which it does for all slices together, within its bow.
+pub fn slices_of_moved_viewers(before: &Rig, after: &Rig, plan: &Plan) -> Vec<u32> {
+    if before.viewing == after.viewing {
+        return Vec::new();
+    }
+    let model = Method::from(plan.projection).model();
+    let is_alike = |slice: u32| {
+        (0..after.mirror.face.len()).all(|face| shows_alike(before, after, face, after.slice_angle(slice), model))
+    };
+    let is_joint = matches!(plan.halftone, Halftone::SightLine | Halftone::Joint);
+    (0..after.rotation.slices).into_par_iter().filter(|slice| is_joint || !is_alike(*slice)).collect()
 }
 
 /// The slices that may show something of what is in one of the scenes and not in the other, in order.
@@ -155,6 +201,37 @@ mod tests {
         let anew = ClearRenderer.render_turn(&scene(places[1]), &rig, &plan, &|| ()).unwrap();
         assert!(live.turn() == &anew);
         assert_eq!(live.show(&ClearRenderer, scene(places[1]), 1, &|| ()), Ok(vec![]));
+    }
+
+    fn viewer(azimuth_deg: f64, height_m: f64) -> TrackedViewer {
+        TrackedViewer { azimuth_deg, distance_m: 0.9, height_m }
+    }
+
+    #[test]
+    fn only_slices_of_viewers_who_move_are_rendered_anew() {
+        let plan = Plan { halftone: Halftone::BlueNoise, edges: Edges::Straight, ..Plan::default() };
+        let scene = scene(Vec3::ZERO);
+        let mut live = Live::new(&rig(), &plan).unwrap();
+        live.show(&ClearRenderer, scene.clone(), 0, &|| ()).unwrap();
+        let moves = [
+            (vec![viewer(90.0, 0.5)], 1),
+            (vec![viewer(90.0, 0.5), viewer(200.0, 0.2)], 1),
+            (vec![viewer(200.0, 0.25)], 2),
+        ];
+        for (viewers, sectors) in moves {
+            live.follow(viewers.clone()).unwrap();
+            let slices = live.show(&ClearRenderer, scene.clone(), 0, &|| ()).unwrap();
+            // 30° of the curve, and a fan of 24° and 2° beside it.
+            assert!((40 * sectors..60 * sectors).contains(&slices.len()), "{} for {viewers:?}", slices.len());
+            let mut rig = rig();
+            rig.viewing.tracked = viewers;
+            let anew = ClearRenderer.render_turn(&scene, &rig, &plan, &|| ()).unwrap();
+            let differing: Vec<_> = (0..288).filter(|slice| live.turn().slice(*slice) != anew.slice(*slice)).collect();
+            assert!(differing.is_empty(), "{differing:?} are not as if they had been rendered anew");
+            assert_eq!(live.show(&ClearRenderer, scene.clone(), 0, &|| ()), Ok(vec![]));
+        }
+        assert!(live.follow(vec![viewer(0.0, f64::NAN)]).is_err());
+        assert_eq!(live.rig.viewing.tracked, [viewer(200.0, 0.25)]);
     }
 
     #[test]

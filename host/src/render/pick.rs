@@ -8,11 +8,13 @@ use super::{Prepared, RenderError, Renderer, Wanted};
 use crate::scene::ShadedScene;
 use clap::ValueEnum;
 use protocol::rig::Rig;
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Once;
 
 /// Which renderer is asked for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
 pub enum Asked {
     /// A GPU if there is a real one, else the CPU
     #[default]

@@ -12,6 +12,8 @@ pub struct Line {
     pub toward_viewer: DVec3,
     /// Depth of M, as [`SightLine::depth_m`].
     pub depth_m: f64,
+    /// As [`SightLine::from_origin_m`].
+    pub from_origin_m: f64,
 }
 
 impl<F: Real> From<SightLine<F>> for Line {
@@ -20,11 +22,17 @@ impl<F: Real> From<SightLine<F>> for Line {
             mirror: DVec3::from_array(sight.mirror.map(F::wide)),
             toward_viewer: DVec3::from_array(sight.toward_viewer.map(F::wide)),
             depth_m: sight.depth_m.wide(),
+            from_origin_m: sight.from_origin_m,
         }
     }
 }
 
 impl Line {
+    /// |V' − M| in metres.
+    pub fn viewer_distance_m(&self) -> f64 {
+        self.from_origin_m + self.depth_m
+    }
+
     /// Depth of the point at which the line meets the plane of a triangle; not finite where it does not.
     pub fn plane_depth_m(&self, [a, b, c]: [DVec3; 3]) -> f64 {
         let normal = (b - a).cross(c - a);

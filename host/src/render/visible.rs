@@ -22,6 +22,9 @@ fn is_any_viewer_lit(rig: &Rig) -> bool {
         let (sin, cos) = face.tilt_deg.to_radians().sin_cos();
         match rig.viewers() {
             Viewers::Circle { distance_m, height_m } => distance_m * sin + height_m * cos > face.offset_m,
+            Viewers::Curve(curve) => {
+                curve.spots().any(|spot| spot.distance_m * sin + spot.height_m * cos > face.offset_m)
+            }
             Viewers::Infinity { elevation } => elevation.cos() * sin + elevation.sin() * cos > 0.0,
         }
     })

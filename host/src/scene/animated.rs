@@ -1,10 +1,11 @@
 //! Scenes that move: a file's clips, posed at any moment.
 
+use std::panic::RefUnwindSafe;
 use std::path::Path;
 
 use glam::DVec3;
 
-use super::files::{self, Folder};
+use super::files::{self, Folder, Nowhere, Resources};
 use super::gltf::File;
 use super::gltf_clip::Clip;
 use super::gltf_model::Model;
@@ -37,10 +38,21 @@ impl Animated {
         if !["gltf", "glb"].contains(&ending.as_str()) {
             return Ok(Self { file, at_rest: Scene::load(path)?, model: None, clips: Vec::new(), fits: Vec::new() });
         }
-        let (mut at_rest, model, clips) =
-            guarded(path, || read(&files::read(path)?, &Folder(path.parent().unwrap_or(Path::new("")))))?;
+        Self::load_gltf(path, &Folder(path.parent().unwrap_or(Path::new(""))))
+    }
+
+    /// Reads a glTF file of which nobody knows where it is from: other files that it names are not opened.
+    ///
+    /// # Errors
+    /// Those of [`Animated::load`], and [`SceneError`] where it names a file.
+    pub fn load_alone(path: &Path) -> Result<Self, SceneError> {
+        Self::load_gltf(path, &Nowhere)
+    }
+
+    fn load_gltf(path: &Path, resources: &(dyn Resources + RefUnwindSafe)) -> Result<Self, SceneError> {
+        let (mut at_rest, model, clips) = guarded(path, || read(&files::read(path)?, resources))?;
         at_rest.name = super::name_of(path);
-        Ok(Self { file, at_rest, model: Some(model), clips, fits: Vec::new() })
+        Ok(Self { file: path.display().to_string(), at_rest, model: Some(model), clips, fits: Vec::new() })
     }
 
     /// The file's clips, in its order.

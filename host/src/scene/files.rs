@@ -32,6 +32,16 @@ impl Resources for Folder<'_> {
     }
 }
 
+/// Beside a file that may not name others.
+pub(super) struct Nowhere;
+
+impl Resources for Nowhere {
+    fn read(&self, place: &str, name: &str) -> Result<Vec<u8>, Fault> {
+        let reason = "this file must hold everything itself: export it as one .glb".into();
+        Err(Fault::Unreadable { place: format!("{place} \"{name}\": "), reason })
+    }
+}
+
 /// The bytes of a regular file.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, Fault> {
     let unreadable = |error: io::Error| Fault::Unreadable { place: String::new(), reason: error.to_string() };

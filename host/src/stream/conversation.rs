@@ -1,7 +1,7 @@
 //! Questions and answers: packets out, packets in, who waits for what.
 
 use super::round_trip::RoundTrip;
-use super::{Statistics, StreamError};
+use super::{News, Statistics, StreamError};
 use crate::link::Link;
 use protocol::message::{Ack, Faults, HelloReply, Message, Missing, Nack, PLANE_PART_BYTES, Reason, Status};
 use protocol::packet::{Decoder, FRAME_BYTES_MAX, PACKET_BYTES_MAX, encode};
@@ -23,7 +23,7 @@ const WINDOW_S: f64 = 0.25;
 
 /// What the device said to a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Answer {
+pub(crate) enum Answer {
     Hello { version: u16, schema: u64 },
     Missing { from: u16, to: u16 },
     Ack,
@@ -41,10 +41,10 @@ struct Unanswered {
 
 /// What became of a packet of planes.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Outcome {
+pub(crate) struct Outcome {
     /// The slices that are whole with it.
-    pub(super) slices: Range<u16>,
-    pub(super) answer: Answer,
+    pub(crate) slices: Range<u16>,
+    pub(crate) answer: Answer,
 }
 
 impl Answer {
@@ -60,24 +60,25 @@ impl Answer {
 
 /// One end of a link in conversation with a device.
 #[derive(Debug)]
-pub(super) struct Conversation<L> {
-    pub(super) link: L,
+pub(crate) struct Conversation<L> {
+    pub(crate) link: L,
     decoder: Box<Decoder<PACKET_BYTES_MAX>>,
     frame: Vec<u8>,
     incoming: Vec<u8>,
     /// What came and nobody asked for yet, with the sequence number that it answers.
-    pub(super) answers: VecDeque<(u32, Answer)>,
+    pub(crate) answers: VecDeque<(u32, Answer)>,
     /// Packets of planes without an answer, the oldest first.
     unanswered: VecDeque<Unanswered>,
     round_trip: RoundTrip,
     sequence: u32,
-    pub(super) status: Option<Status>,
-    pub(super) faults: Option<Faults>,
-    pub(super) statistics: Statistics,
+    pub(crate) status: Option<Status>,
+    pub(crate) faults: Option<Faults>,
+    pub(crate) statistics: Statistics,
+    pub(crate) news: News,
 }
 
 impl<L: Link> Conversation<L> {
-    pub(super) fn new(link: L) -> Self {
+    pub(crate) fn new(link: L) -> Self {
         // Not 0: answers to an earlier conversation over the same link must not look like answers to this one.
         let sequence = link.now().as_micros() as u32;
         Self {
@@ -92,11 +93,12 @@ impl<L: Link> Conversation<L> {
             status: None,
             faults: None,
             statistics: Statistics::default(),
+            news: News::default(),
         }
     }
 
     /// Goes on over another link.
-    pub(super) fn replace(&mut self, link: L) {
+    pub(crate) fn replace(&mut self, link: L) {
         self.link = link;
         self.decoder.cut();
         self.answers.clear();
@@ -105,12 +107,12 @@ impl<L: Link> Conversation<L> {
     }
 
     /// Ends whatever packet an earlier conversation left unfinished.
-    pub(super) fn greet(&mut self) -> Result<(), StreamError> {
+    pub(crate) fn greet(&mut self) -> Result<(), StreamError> {
         self.transfer(&[0], "Hello")
     }
 
     /// Sends `message`, again where no answer comes, and returns the answer.
-    pub(super) fn request(&mut self, message: &Message<'_>) -> Result<Answer, StreamError> {
+    pub(crate) fn request(&mut self, message: &Message<'_>) -> Result<Answer, StreamError> {
         let sequence = self.sequence;
         self.sequence = self.sequence.wrapping_add(1);
         for attempt in 0..ATTEMPTS {
@@ -141,30 +143,36 @@ impl<L: Link> Conversation<L> {
     }
 
     /// [`request`](Self::request) that must be acknowledged.
-    pub(super) fn ask(&mut self, message: &Message<'_>) -> Result<(), StreamError> {
+    pub(crate) fn ask(&mut self, message: &Message<'_>) -> Result<(), StreamError> {
         let answer = self.request(message)?;
         self.accepted(message, answer)
     }
 
-    pub(super) fn accepted(&mut self, message: &Message<'_>, answer: Answer) -> Result<(), StreamError> {
+    pub(crate) fn accepted(&mut self, message: &Message<'_>, answer: Answer) -> Result<(), StreamError> {
         let Answer::Nack(reason) = answer else { return Ok(()) };
         self.statistics.refused += 1;
         Err(StreamError::Refused { message: message.entry().name, reason })
     }
 
-    /// Sends `message` once, when there is room among those that are not answered yet. With its answer `slices` are done. What was
-    /// answered meanwhile.
-    pub(super) fn send_next(&mut self, message: &Message<'_>, slices: Range<u16>) -> Result<Vec<Outcome>, StreamError> {
-        let outcomes = self.settle_below(self.window())?;
+    /// Sends `message` once, and waits for nothing; its number.
+    pub(crate) fn post(&mut self, message: &Message<'_>) -> Result<u32, StreamError> {
         let sequence = self.sequence;
         self.sequence = self.sequence.wrapping_add(1);
         self.send(sequence, message)?;
+        Ok(sequence)
+    }
+
+    /// Sends `message` once, when there is room among those that are not answered yet. With its answer `slices` are done. What was
+    /// answered meanwhile.
+    pub(crate) fn send_next(&mut self, message: &Message<'_>, slices: Range<u16>) -> Result<Vec<Outcome>, StreamError> {
+        let outcomes = self.settle_below(self.window())?;
+        let sequence = self.post(message)?;
         self.unanswered.push_back(Unanswered { sequence, slices, at: self.link.now() });
         Ok(outcomes)
     }
 
     /// Waits until all that was sent is answered, or lost.
-    pub(super) fn settle(&mut self) -> Result<Vec<Outcome>, StreamError> {
+    pub(crate) fn settle(&mut self) -> Result<Vec<Outcome>, StreamError> {
         self.settle_below(1)
     }
 
@@ -180,6 +188,7 @@ impl<L: Link> Conversation<L> {
                 let Some(Unanswered { slices, at, .. }) = self.unanswered.drain(..=at).next_back() else { continue };
                 self.round_trip.answered(self.link.now().saturating_sub(at));
                 until = self.link.now() + self.patience();
+                self.statistics.planes += if answer == Answer::Ack { slices.len() as u64 } else { 0 };
                 outcomes.push(Outcome { slices, answer });
             }
             if self.unanswered.len() < below {
@@ -196,7 +205,7 @@ impl<L: Link> Conversation<L> {
     }
 
     /// The most compressed bytes of a plane in one packet.
-    pub(super) fn part_bytes(&self) -> usize {
+    pub(crate) fn part_bytes(&self) -> usize {
         let bytes = self.link.bytes_per_second().map(|rate| (rate * PART_S) as usize);
         bytes.unwrap_or(PLANE_PART_BYTES).clamp(512, PLANE_PART_BYTES)
     }
@@ -214,7 +223,7 @@ impl<L: Link> Conversation<L> {
         self.round_trip.timeout(ANSWER_WITHIN + Duration::from_secs_f64(slow))
     }
 
-    pub(super) fn refused_plane(&mut self, reason: Reason) -> Result<(), StreamError> {
+    pub(crate) fn refused_plane(&mut self, reason: Reason) -> Result<(), StreamError> {
         self.statistics.refused += 1;
         match reason {
             Reason::PartMissing | Reason::PlaneDamaged => Ok(()),
@@ -224,7 +233,7 @@ impl<L: Link> Conversation<L> {
     }
 
     /// Reads what came, waiting up to `wait` for it.
-    pub(super) fn listen(&mut self, wait: Duration) -> Result<(), StreamError> {
+    pub(crate) fn listen(&mut self, wait: Duration) -> Result<(), StreamError> {
         self.incoming.clear();
         self.link.receive(&mut self.incoming, wait)?;
         let mut bytes = &self.incoming[..];
@@ -246,6 +255,7 @@ impl<L: Link> Conversation<L> {
                 _ => {}
             }
         }
+        self.news.put(self.statistics, self.status);
         Ok(())
     }
 

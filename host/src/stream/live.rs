@@ -27,6 +27,28 @@ pub trait Source {
     fn is_over(&mut self) -> bool {
         false
     }
+
+    /// Told every now and then how the turn that is under way does.
+    fn watch(&mut self, _progress: &Progress) {}
+}
+
+/// How a turn that is under way does.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress {
+    /// Planes of it that the device has.
+    pub planes: u64,
+    /// What went over the wire.
+    pub statistics: Statistics,
+    /// The latest status that came.
+    pub status: Option<Status>,
+}
+
+impl Progress {
+    /// Of a turn that began to be sent, or went on, at `begun`.
+    fn since(begun: &Statistics, (statistics, status): (Statistics, Option<Status>)) -> Self {
+        let arrived = |statistics: &Statistics| statistics.planes + statistics.planes_resumed;
+        Self { planes: arrived(&statistics).saturating_sub(arrived(begun)), statistics, status }
+    }
 }
 
 /// What became of the turns that were taken from a source.
@@ -159,7 +181,9 @@ impl<C: Connect, T: TurnPlanes> Live<C, T> {
         }
         let Some((turn, since)) = &self.current else { return self.stand_by(now) };
         let (deadline, since) = (self.took.map(|took| self.deadline.max(3 * took)), *since);
+        let (begun, news) = (self.stream.statistics(), self.stream.news());
         let is_late = |now: Duration| {
+            source.watch(&Progress::since(&begun, news.latest()));
             let is_due = deadline.is_some_and(|deadline| now.saturating_sub(since) > deadline);
             source.is_over() || is_due && source.has_newer(now)
         };

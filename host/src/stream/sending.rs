@@ -5,9 +5,9 @@ use super::{Sent, Stream, StreamError, TurnPlanes};
 use crate::link::Link;
 use protocol::codec::{Compressor, turn_check};
 use protocol::message::{AskMissing, BeginTurn, EndTurn, KEEP_PLANES_MAX, KeepPlanes, Message, PlaneData, Reason};
-use rayon::prelude::*;
-use std::collections::VecDeque;
 use std::ops::Range;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::{Scope, available_parallelism, scope};
 use std::time::Duration;
 
 /// How often the planes that did not arrive are sent again.
@@ -15,8 +15,10 @@ const ROUNDS: usize = 20;
 /// How long to wait before a device that is busy is asked again.
 const BUSY_WAIT: Duration = Duration::from_millis(2);
 
-/// Planes that are compressed at once: enough for all cores, few enough that the first is soon on its way.
-const AHEAD: usize = 32;
+/// Compressors at work at most: each does 30 turns a second of a scene that fills the display.
+const COMPRESSORS: usize = 4;
+/// Planes that each may have ready before they are sent.
+const AHEAD: usize = 16;
 
 /// What is to come of a slice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -140,32 +142,32 @@ impl<L: Link> Stream<L> {
         }
     }
 
-    /// Sends once whatever did not arrive.
+    /// Sends once whatever did not arrive, while what follows is compressed.
     fn send_round<T: TurnPlanes>(
         &mut self,
         job: &mut Job<'_, T>,
         is_late: &mut impl FnMut(Duration) -> bool,
     ) -> Result<(), StreamError> {
-        let (mut slice, mut ahead) = (0, VecDeque::new());
-        while slice < job.wants.len() {
-            if is_late(self.conversation.link.now()) {
-                return Err(StreamError::Left { turn: job.number });
-            }
-            slice = match job.wants[slice] {
-                Want::Arrived => slice + 1,
-                Want::Keep => self.keep(job, slice)?,
-                Want::Send => {
-                    if ahead.is_empty() {
-                        ahead = self.compress(job, slice);
-                    }
-                    let (slice, compressed) = ahead.pop_front().unwrap_or_default();
-                    self.send_plane(job, slice, &compressed)?;
-                    usize::from(slice) + 1
+        let compressor = self.compressor.clone();
+        scope(|scope| {
+            let mut ahead = Ahead::new(scope, &compressor, job);
+            let mut slice = 0;
+            while slice < job.wants.len() {
+                if is_late(self.conversation.link.now()) {
+                    return Err(StreamError::Left { turn: job.number });
                 }
-            };
-        }
-        let outcomes = self.conversation.settle()?;
-        self.note(job, &outcomes)
+                slice = match job.wants[slice] {
+                    Want::Arrived => slice + 1,
+                    Want::Keep => self.keep(job, slice)?,
+                    Want::Send => {
+                        self.send_plane(job, slice as u16, &ahead.next())?;
+                        slice + 1
+                    }
+                };
+            }
+            let outcomes = self.conversation.settle()?;
+            self.note(job, &outcomes)
+        })
     }
 
     /// Has the device copy the planes from slice `from` on that stay as they are; the slice after them.
@@ -177,20 +179,6 @@ impl<L: Link> Stream<L> {
         let outcomes = self.conversation.send_next(&message.into(), slices)?;
         self.note(job, &outcomes)?;
         Ok(from + planes)
-    }
-
-    /// The next slices to be sent, from slice `from` on, compressed on all cores.
-    fn compress<T: TurnPlanes>(&self, job: &Job<'_, T>, from: usize) -> VecDeque<(u16, Vec<u8>)> {
-        let is_wanted = |slice: &u16| job.wants[usize::from(*slice)] == Want::Send;
-        let slices: Vec<u16> = (from as u16..job.wants.len() as u16).filter(is_wanted).take(AHEAD).collect();
-        let compress = |compressor: &mut Compressor, slice: u16| {
-            let mut compressed = Vec::new();
-            compressor.compress(job.turn.plane_bytes(slice.into()), job.turn.hint(slice.into()), &mut compressed);
-            (slice, compressed)
-        };
-        let known = &self.compressor;
-        let planes: Vec<_> = slices.into_par_iter().map_init(|| known.clone(), compress).collect();
-        planes.into()
     }
 
     fn send_plane<T>(&mut self, job: &mut Job<'_, T>, slice: u16, compressed: &[u8]) -> Result<(), StreamError> {
@@ -225,5 +213,52 @@ impl<L: Link> Stream<L> {
             }
         }
         Ok(())
+    }
+}
+
+/// Planes that are compressed before the wire wants them, in threads of their own: among the tasks of a renderer they would wait for its turn
+/// to end, and the wire with them.
+struct Ahead {
+    /// The planes in turns, one from each.
+    compressed: Vec<Receiver<Vec<u8>>>,
+    next: usize,
+}
+
+impl Ahead {
+    /// Those of `job` that are to be sent now, in order. The threads end when they are done, or this is dropped.
+    fn new<'scope, T: TurnPlanes>(
+        scope: &'scope Scope<'scope, '_>,
+        compressor: &'scope Compressor,
+        job: &Job<'scope, T>,
+    ) -> Self {
+        let is_wanted = |slice: &u16| job.wants[usize::from(*slice)] == Want::Send;
+        let slices: Vec<u16> = (0..job.wants.len() as u16).filter(is_wanted).collect();
+        let threads = available_parallelism().map_or(1, usize::from).min(COMPRESSORS).min(slices.len());
+        let thread = |first: usize| {
+            let (out, compressed) = sync_channel(AHEAD);
+            let (turn, slices) = (job.turn, slices.iter().copied().skip(first).step_by(threads).collect());
+            scope.spawn(move || compress(compressor.clone(), turn, slices, &out));
+            compressed
+        };
+        Self { compressed: (0..threads).map(thread).collect(), next: 0 }
+    }
+
+    /// The next plane.
+    fn next(&mut self) -> Vec<u8> {
+        let next = self.next % self.compressed.len();
+        self.next += 1;
+        // Where a thread has panicked, so does its scope.
+        self.compressed[next].recv().unwrap_or_default()
+    }
+}
+
+/// Compresses `slices` of `turn` one after the other, as long as somebody wants them.
+fn compress(mut compressor: Compressor, turn: &impl TurnPlanes, slices: Vec<u16>, out: &SyncSender<Vec<u8>>) {
+    for slice in slices.into_iter().map(u32::from) {
+        let mut compressed = Vec::new();
+        compressor.compress(turn.plane_bytes(slice), turn.hint(slice), &mut compressed);
+        if out.send(compressed).is_err() {
+            return;
+        }
     }
 }

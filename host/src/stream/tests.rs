@@ -1,9 +1,10 @@
 use super::*;
-use crate::link::Connect;
 use crate::link::sim::{Clock, Endpoint, Shared, SimConnect, SimLink};
+use crate::link::{Connect, LinkError};
 use hil_sim::device::{Device, Input, Report, TurnHandle};
 use hil_sim::faulty::{FaultRates, Faulty};
 use proptest::prelude::*;
+use protocol::message::State;
 use protocol::packet::{Decoder, FRAME_BYTES_MAX, PACKET_BYTES_MAX, encode};
 use protocol::timing::Direction;
 use protocol::units::Turns;
@@ -105,6 +106,13 @@ impl Player {
         slices.flat_map(|plane| plane.bytes().to_vec()).collect()
     }
 
+    /// A mirror at rest gives its turns back.
+    fn vacate(&mut self) {
+        if !self.turning {
+            self.showing.take().into_iter().chain(self.waiting.drain(..)).for_each(|turn| self.device.release(turn));
+        }
+    }
+
     fn index(&mut self) {
         let Some(next) = self.waiting.pop_front() else { return };
         if let Some(last) = self.showing.replace(next) {
@@ -127,6 +135,7 @@ impl Endpoint for Player {
                 Input::TurnReady(turn) => self.waiting.push_back(turn),
                 Input::Command(command) => self.commands.push(command),
                 Input::Configured(_, size) => assert_eq!(size, self.size),
+                Input::Vacate => self.vacate(),
             }
         }
         bytes.len()
@@ -187,6 +196,27 @@ fn a_mirror_at_rest_holds_the_host_back() {
     );
     stream.link_mut().endpoint_mut().turning = true;
     stream.submit(&turn).unwrap();
+}
+
+#[test]
+fn turns_of_another_cut_are_given_up_by_a_mirror_at_rest_and_by_no_other() {
+    for turning in [false, true] {
+        let mut stream = open(SimLink::new(Player::new(turning, small())));
+        stream.submit(&Pictures::new(1, SLICES, small())).unwrap();
+        stream.poll(Duration::from_millis(100)).unwrap();
+        let mut link = stream.into_link();
+        let large = ImageSize::new(104, 17).unwrap();
+        link.endpoint_mut().size = large;
+        match Stream::new(link, &rotation(SLICES), large) {
+            Ok(mut stream) => {
+                let turn = Pictures::new(2, SLICES, large);
+                stream.submit(&turn).unwrap();
+                let player = stream.link().endpoint();
+                assert!(!turning && player.planes(player.waiting[0]) == turn.planes);
+            }
+            Err(error) => assert!(turning && matches!(error, StreamError::OtherTurns), "{error}"),
+        }
+    }
 }
 
 #[test]

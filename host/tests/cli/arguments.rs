@@ -2,6 +2,7 @@
 
 use crate::desk::Desk;
 use std::fs;
+use std::process::Command;
 
 #[test]
 fn bad_arguments_are_refused_on_one_line() {
@@ -23,6 +24,16 @@ fn bad_arguments_are_refused_on_one_line() {
     let sign = "image sign firmware.bin --board sim --version 1.2.3 --out firmware.img";
     desk.refuses(&format!("{sign} --key owner.key.pub"), &["owner.key.pub", "public", "secret"]);
     desk.refuses("paint", &["paint"]);
+}
+
+#[test]
+fn a_full_disk_is_refused_with_what_to_do() {
+    let full = || fs::File::options().write(true).open("/dev/full").unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_praxi")).args(["rig", "check", "reference"]).stdout(full()).output();
+    let output = output.unwrap();
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert_eq!((output.status.code(), text.lines().count()), (Some(2), 1), "{text}");
+    assert!(text.contains("standard output") && text.contains("make room"), "{text}");
 }
 
 #[test]
@@ -71,4 +82,33 @@ fn every_command_has_help_with_an_example() {
         let text = String::from_utf8(output.stdout).unwrap();
         assert!(output.status.success() && text.contains("Example: praxi "), "{command}: {text}");
     }
+}
+
+#[test]
+fn every_command_prints_json() {
+    let desk = Desk::new();
+    let help = String::from_utf8(desk.run("--help").stdout).unwrap();
+    let (_, commands) = help.split_once("Commands:").unwrap();
+    // Words that go on below stand farther in.
+    let heads = commands.lines().filter(|line| line.starts_with("  ") && !line.starts_with("   "));
+    let names =
+        heads.filter_map(|line| line.split_whitespace().next()).filter(|name| !["help", "-h,", "-V,"].contains(name));
+    let both = names.flat_map(|name| match name {
+        "image" => vec!["image key".to_string(), "image sign".into()],
+        "rig" => vec!["rig check".into()],
+        name => vec![name.into()],
+    });
+    let names: Vec<_> = both.collect();
+    assert!(names.len() > 20, "{help}");
+    // What a daemon says is its log, in JSON by log = "json".
+    for name in names.into_iter().filter(|name| name != "run") {
+        let text = String::from_utf8(desk.run(&format!("{name} --help")).stdout).unwrap();
+        assert!(text.contains("--json"), "{name}: {text}");
+    }
+    desk.write("firmware.bin", [7; 100]);
+    let key = desk.json("image key owner.key");
+    assert_eq!(key, serde_json::json!({ "secret": "owner.key", "public": "owner.key.pub" }));
+    let image = desk.json("image sign firmware.bin --key owner.key --board sim --version 1.2.3 --out firmware.img");
+    let bytes = fs::metadata(desk.path("firmware.img")).unwrap().len();
+    assert_eq!((&image["version"], &image["bytes"]), (&"1.2.3".into(), &bytes.into()));
 }

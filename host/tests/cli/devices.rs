@@ -20,13 +20,19 @@ fn devices_are_listed_and_wrong_names_refused() {
     let text = String::from_utf8(desk.run("devices").stdout).unwrap();
     assert!(text.contains("sim:serial") && text.lines().all(|line| line.chars().count() <= 80), "{text}");
     desk.refuses("doctor --device /dev/tty-of-nobody", &["/dev/tty-of-nobody", "there is"]);
-    desk.refuses("doctor --device /dev/null", &["/dev/null", "no serial port"]);
+    for (path, kind) in [("/dev/null", "a device"), ("/tmp", "a folder"), ("/etc/passwd", "a file")] {
+        desk.refuses(&format!("doctor --device {path}"), &[&format!("{path}: device: is {kind} and no serial port: ")]);
+        desk.refuses(&format!("order stop --device {path}"), &[&format!("{path} is {kind} and no serial port: ")]);
+    }
     desk.refuses("doctor --device usb:ffff:fffe", &["usb:ffff:fffe"]);
     desk.refuses("doctor --device sim:can", &["sim:can", "sim:serial[@BAUD]"]);
     desk.refuses("doctor --device sim:serial@7", &["300"]);
     desk.refuses("doctor --device sim --rig nowhere", &["nowhere"]);
     desk.refuses("sim --baud 9600", &["--serve"]);
     desk.refuses("sim --serve serial --baud 7", &["--baud", "300"]);
+    desk.refuses("sim --serve serial --listen 127.0.0.1:0", &["--listen", "--serve usb"]);
+    desk.refuses("sim --serve serial --key owner.key.pub", &["--key", "--serve usb"]);
+    desk.refuses("sim --serve usb --baud 9600", &["--baud", "--serve serial"]);
 }
 
 #[test]
@@ -47,14 +53,14 @@ fn simulated_devices_are_healthy() {
 }
 
 /// `praxi sim --serve serial`, ended with the test.
-struct Served {
+pub struct Served {
     child: Child,
     events: Lines<BufReader<ChildStdout>>,
-    path: String,
+    pub path: String,
 }
 
 impl Served {
-    fn at(baud: u32) -> Self {
+    pub fn at(baud: u32) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_praxi"));
         command.args(["sim", "--serve", "serial", "--json", "--baud", &baud.to_string()]).stdout(Stdio::piped());
         let mut child = command.spawn().unwrap();
@@ -65,7 +71,7 @@ impl Served {
     }
 
     /// The next event, which must be of that name.
-    fn next(&mut self, name: &str) -> Value {
+    pub fn next(&mut self, name: &str) -> Value {
         let event: Value = serde_json::from_str(&self.events.next().unwrap().unwrap()).unwrap();
         assert_eq!(event["event"], name, "{event}");
         event
@@ -96,7 +102,36 @@ fn a_served_controller_outlives_its_hosts() {
     }
     let link = SerialLink::open(&served.path, 1_000_000).unwrap();
     desk.refuses(&format!("doctor --device {}", served.path), &["another program", "end that program"]);
+    for command in ["order stop", "stream boxes --rig small.toml"] {
+        let output = desk.run(&format!("{command} --device {}", served.path));
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert_eq!((output.status.code(), text.matches(&served.path).count()), (Some(2), 1), "{text}");
+    }
     drop(link);
+    assert_eq!(ended(&mut served.child), Some(0));
+}
+
+/// The exit code of a child that is told to end.
+pub fn ended(child: &mut Child) -> Option<i32> {
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    child.wait().unwrap().code()
+}
+
+#[test]
+fn each_finding_is_told_at_once() {
+    // Opened by the test, which answers nothing.
+    let (far, near) = serialport::TTYPort::pair().unwrap();
+    let path = serialport::SerialPort::name(&near).unwrap();
+    drop(near);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_praxi"));
+    command.args(["doctor", "--device", &path]).stdout(Stdio::piped()).stderr(Stdio::null());
+    let mut child = command.spawn().unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
+    assert!(lines.by_ref().any(|line| line.contains("opens")));
+    assert!(child.try_wait().unwrap().is_none(), "it asks still");
+    assert!(lines.by_ref().any(|line| line.starts_with("failed") && line.contains("does not answer a hello")));
+    assert_eq!(child.wait().unwrap().code(), Some(2));
+    drop(far);
 }
 
 /// Noise, which does not become smaller.

@@ -2,15 +2,20 @@
 
 mod arguments;
 mod bake;
+#[cfg(unix)]
+mod daemon;
 mod desk;
 #[cfg(unix)]
 mod devices;
 mod measured;
 mod plan;
+mod register;
 mod render;
 mod rig;
 mod served;
 mod simulated;
 mod streamed;
+#[cfg(unix)]
+mod video;
 
 const TRIANGLE: &str = "v 0 0 0\nv 0.03 0 0\nv 0 0.03 0\nf 1 2 3\n";

@@ -38,13 +38,18 @@ impl Drop for Server {
     }
 }
 
-/// The first message of a USB/IP client that wants the device of that name, and what it is answered: code and status.
-fn import(address: &str, name: &str) -> (TcpStream, Vec<u8>) {
-    let mut client = TcpStream::connect(address).unwrap();
+/// The first message of a USB/IP client that wants the device of that name.
+fn request(name: &str) -> Vec<u8> {
     let mut request = vec![1, 0x11, 0x80, 3, 0, 0, 0, 0];
     request.extend(name.bytes());
     request.resize(40, 0);
-    client.write_all(&request).unwrap();
+    request
+}
+
+/// [`request`] as a client sends it, and what it is answered: code and status.
+fn import(address: &str, name: &str) -> (TcpStream, Vec<u8>) {
+    let mut client = TcpStream::connect(address).unwrap();
+    client.write_all(&request(name)).unwrap();
     let mut answer = vec![0; 8];
     client.read_exact(&mut answer).unwrap();
     (client, answer)
@@ -73,6 +78,36 @@ fn a_usb_device_is_attached_by_one_host_at_a_time() {
     server.hears("left");
     assert_eq!(import(address, "1-1").1[7], 0);
     server.hears("attached");
+}
+
+#[test]
+fn a_client_that_says_nothing_holds_up_nobody() {
+    let mut server = Server::start();
+    let address = server.hears("ready")["address"].as_str().unwrap().to_string();
+    let mut silent = TcpStream::connect(&address).unwrap();
+    let (_given, answer) = import(&address, "1-1");
+    assert_eq!(answer[7], 0);
+    server.hears("attached");
+    // Now it speaks, and is told that the device is taken.
+    silent.write_all(&request("1-1")).unwrap();
+    let mut answer = [0; 8];
+    silent.read_exact(&mut answer).unwrap();
+    assert_eq!(answer[7], 2);
+    assert_eq!(crate::devices::ended(&mut server.child), Some(0), "also while a host has it");
+}
+
+#[test]
+fn a_client_that_vanishes_is_said_to_have_done_so() {
+    let mut server = Server::start();
+    let address = server.hears("ready")["address"].as_str().unwrap().to_string();
+    let (mut client, _) = import(&address, "1-1");
+    server.hears("attached");
+    // All that it was sent, or its end would be none in order.
+    client.read_exact(&mut [0; 312]).unwrap();
+    client.write_all(&[0; 5]).unwrap();
+    drop(client);
+    let left = server.hears("left");
+    assert!(left["why"].as_str().unwrap().contains("the client went away"), "{left}");
 }
 
 #[test]

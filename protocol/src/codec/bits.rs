@@ -91,8 +91,9 @@ pub(super) const UNARY_MAX: u32 = 12;
 #[cfg(feature = "std")]
 pub(super) struct BitWriter<'a> {
     out: &'a mut Vec<u8>,
+    /// What is above its filled bits was written.
     word: u64,
-    /// Bits in it, the lowest: fewer than 8 between calls.
+    /// Bits in it, the lowest: fewer than 32 between calls.
     filled: u32,
 }
 
@@ -106,18 +107,23 @@ impl<'a> BitWriter<'a> {
     /// `value`, which has at most `count` bits, at most 64.
     #[inline(always)]
     pub(super) fn put(&mut self, value: u64, count: u32) {
-        if count > 48 {
-            self.put(value >> 32, count - 32);
-            self.put(value & ((1 << 32) - 1), 32);
-            return;
+        if count > 32 {
+            self.put_half(value >> 32, count - 32);
+            self.put_half(value & u64::from(u32::MAX), 32);
+        } else {
+            self.put_half(value, count);
         }
+    }
+
+    /// `value`, which has at most `count` bits, at most 32.
+    #[inline(always)]
+    fn put_half(&mut self, value: u64, count: u32) {
         self.word = self.word << count | value;
         self.filled += count;
-        let whole = self.filled / 8;
-        let bytes = (self.word << (63 - self.filled) << 1).to_be_bytes();
-        self.out.extend_from_slice(&bytes[..whole as usize]);
-        self.filled %= 8;
-        self.word &= (1 << self.filled) - 1;
+        if self.filled >= 32 {
+            self.filled -= 32;
+            self.out.extend_from_slice(&((self.word >> self.filled) as u32).to_be_bytes());
+        }
     }
 
     /// See [`BitReader::rice`].
@@ -140,8 +146,7 @@ impl<'a> BitWriter<'a> {
 
     /// Fills the last byte with zeros.
     pub(super) fn finish(self) {
-        if self.filled > 0 {
-            self.out.push((self.word << (8 - self.filled)) as u8);
-        }
+        let bytes = ((self.word << (32 - self.filled)) as u32).to_be_bytes();
+        self.out.extend_from_slice(&bytes[..self.filled.div_ceil(8) as usize]);
     }
 }

@@ -19,7 +19,7 @@ pub enum Hint {
     None,
 }
 
-/// Compresses planes of one size. Keeps its memory from plane to plane.
+/// Compresses planes of one size. Keeps its memory from plane to plane; clones share what they know.
 #[derive(Clone, Debug)]
 pub struct Compressor {
     size: ImageSize,

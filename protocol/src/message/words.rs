@@ -164,9 +164,28 @@ vocabulary! {
 }
 
 impl State {
+    /// As people say it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Idle => "idle",
+            Self::SpinUp => "spin-up",
+            Self::Acquire => "acquire",
+            Self::Locked => "locked",
+            Self::Holdover => "holdover",
+            Self::Fault => "fault",
+            Self::Service => "service",
+            Self::OpenLoop => "open loop",
+        }
+    }
+
     /// Whether a plane may be lit.
     pub const fn may_light(self) -> bool {
         matches!(self, Self::Locked | Self::Holdover | Self::Service | Self::OpenLoop)
+    }
+
+    /// Whether nothing is driven and nothing lit.
+    pub const fn is_at_rest(self) -> bool {
+        matches!(self, Self::Idle | Self::Fault)
     }
 
     /// Whether the mirror may be driven.

@@ -1,17 +1,20 @@
 //! What a possible rig is. Every refusal names the key and what is allowed.
 
 use super::camera::{Camera, CameraError};
-use super::{Rig, RigError, RotationKeys};
+use super::{Rig, RigError, RotationKeys, Tracking};
 use crate::codec::ImageSize;
 use crate::timing::{Rotation, RotationError};
 use core::ops::RangeInclusive;
 use glam::DVec3;
 
-fn refuse<T>(key: impl Into<String>, problem: impl Into<String>) -> Result<T, RigError> {
+/// More viewers than stand around a display.
+const TRACKED_MAX: usize = 64;
+
+pub(super) fn refuse<T>(key: impl Into<String>, problem: impl Into<String>) -> Result<T, RigError> {
     Err(RigError::Value { key: key.into(), problem: problem.into() })
 }
 
-fn within(key: impl Into<String>, value: f64, allowed: RangeInclusive<f64>) -> Result<(), RigError> {
+pub(super) fn within(key: impl Into<String>, value: f64, allowed: RangeInclusive<f64>) -> Result<(), RigError> {
     if allowed.contains(&value) {
         return Ok(());
     }
@@ -34,6 +37,7 @@ impl Rig {
         }
         self.check_projector()?;
         self.check_viewing()?;
+        self.tracking.iter().try_for_each(Tracking::check)?;
         for (name, filter) in &self.filters {
             let hex =
                 filter.srgb.strip_prefix('#').filter(|hex| hex.len() == 6 && u32::from_str_radix(hex, 16).is_ok());
@@ -112,7 +116,27 @@ impl Rig {
                 "viewing",
                 "needs distance_m and height_m, or elevation_deg in their place for viewers at infinity",
             ),
+        }?;
+        self.check_tracked()
+    }
+
+    fn check_tracked(&self) -> Result<(), RigError> {
+        let viewing = &self.viewing;
+        if viewing.elevation_deg.is_some() && !viewing.tracked.is_empty() {
+            return refuse("viewing.tracked", "needs distance_m and height_m: viewers at infinity stand on no curve");
         }
+        if viewing.tracked.len() > TRACKED_MAX {
+            return refuse(
+                "viewing.tracked",
+                format!("stands {} times: must be up to {TRACKED_MAX}", viewing.tracked.len()),
+            );
+        }
+        viewing.tracked.iter().enumerate().try_for_each(|(index, viewer)| {
+            let key = |name: &str| format!("viewing.tracked[{index}].{name}");
+            within(key("azimuth_deg"), viewer.azimuth_deg, -360.0..=360.0)?;
+            within(key("distance_m"), viewer.distance_m, 0.01..=1e9)?;
+            within(key("height_m"), viewer.height_m, -1e9..=1e9)
+        })
     }
 
     fn check_face(&self, index: usize) -> Result<(), RigError> {

@@ -119,3 +119,19 @@ fn a_pixel_and_its_ray_agree_with_distortion() {
     }
     assert!(refusal(&REFERENCE.replace("width_px", "radial = [-20.0, 0.0]\nwidth_px")).contains("folds"));
 }
+
+#[test]
+fn tracked_viewers_are_keys_too() {
+    let tracked = "\n[[viewing.tracked]]\nazimuth_deg = 20.0\ndistance_m = 1.2\nheight_m = 0.6\n";
+    let rig = Rig::parse(&format!("{REFERENCE}{tracked}")).unwrap();
+    assert_eq!(rig.viewing.tracked, [TrackedViewer { azimuth_deg: 20.0, distance_m: 1.2, height_m: 0.6 }]);
+    assert_eq!(Rig::parse(&toml::to_string(&rig).unwrap()).unwrap(), rig);
+    assert_eq!(rig.at_rest(), Rig::parse(REFERENCE).unwrap());
+    let far = REFERENCE.replace("distance_m = 0.9", "").replace("height_m = 0.35", "elevation_deg = 20.0");
+    let refused = refusal(&format!("{far}{tracked}"));
+    assert_eq!(refused, "viewing.tracked needs distance_m and height_m: viewers at infinity stand on no curve");
+    let refused = refusal(&format!("{REFERENCE}{}", tracked.replace("1.2", "0.0")));
+    assert_eq!(refused, "viewing.tracked[0].distance_m = 0: must be from 0.01 to 1000000000");
+    let refused = refusal(&format!("{REFERENCE}{}", tracked.repeat(65)));
+    assert_eq!(refused, "viewing.tracked stands 65 times: must be up to 64");
+}

@@ -65,15 +65,16 @@ fn structs_are_laid_out_alike() {
             pixel_w,
             lit,
             mirror_across,
-            unused_a,
+            bends,
             mirror_slope,
-            unused_b,
+            passing,
             mirror_w,
             fold_squared,
             principal,
             focal,
             radial,
-            unused,
+            bends_from,
+            bend,
         }
     );
     same!(&all, Vertex { pixel, depth, state });

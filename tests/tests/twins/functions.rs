@@ -5,6 +5,7 @@ use glam::{Vec2, Vec3};
 use host::render::gpu::GpuRenderer;
 use host::render::plan::Halftone;
 use host::scene::Wrap;
+use protocol::rig::TrackedViewer;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use shaders::halftone::{Blur, Slot, halftone, plane_stride};
@@ -25,7 +26,15 @@ fn random_rig(rng: &mut impl Rng) -> protocol::rig::Rig {
         (rig.viewing.distance_m, rig.viewing.height_m) = (None, None);
         rig.viewing.elevation_deg = Some(rng.random_range(5.0..40.0));
     } else {
-        rig.viewing.height_m = Some(rng.random_range(0.0..0.7));
+        let height_m = rng.random_range(0.0..0.7);
+        rig.viewing.height_m = Some(height_m);
+        let mut rng = ChaCha8Rng::seed_from_u64(f64::to_bits(height_m));
+        let mut viewer = || TrackedViewer {
+            azimuth_deg: rng.random_range(0.0..360.0),
+            distance_m: rng.random_range(0.7..1.4),
+            height_m: rng.random_range(0.0..0.7),
+        };
+        rig.viewing.tracked = (0..6).map(|_| viewer()).collect();
     }
     rig.checked().expect("a possible rig")
 }
@@ -109,7 +118,9 @@ fn vertices_are_placed_alike() {
             let share = misplaced(gpu, &PROJECT.replace(right, wrong), Method::Planar);
             assert!(share > 0.1, "{wrong}: {share}");
         }
-        let away = PROJECT.replace("line.viewer.x - move_x", "line.viewer.x + move_x");
+        let away = PROJECT
+            .replace("line.viewer.x - move_x", "line.viewer.x + move_x")
+            .replace("half -= turn / stand.turn", "half += turn / stand.turn");
         assert!(misplaced(gpu, &away, Method::ConeNewton) > 0.1);
     });
 }

@@ -9,7 +9,7 @@ use host::render::plan::{DepthTest, Edges, Halftone, Plan, Precision, Projection
 use host::render::turn::{Depth, Turn};
 use host::render::{RenderError, Renderer, Wanted, dark_turn};
 use host::scene::{Scene, ShadedScene, ShadedTriangle, Shading, Wrap, shade};
-use protocol::rig::Rig;
+use protocol::rig::{Rig, TrackedViewer};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -30,6 +30,15 @@ fn lens() -> Rig {
     let mut rig = small("reference");
     rig.projector.radial = [-0.5, 0.3];
     rig.checked().expect("a possible lens")
+}
+
+/// Three viewers, at other heights and distances.
+fn curve() -> Rig {
+    let mut rig = small("reference");
+    rig.viewing.tracked = [(10.0, 0.9, 0.6), (30.0, 1.2, 0.2), (150.0, 0.8, 0.7)]
+        .map(|(azimuth_deg, distance_m, height_m)| TrackedViewer { azimuth_deg, distance_m, height_m })
+        .to_vec();
+    rig.checked().expect("possible viewers")
 }
 
 fn plan(projection: Projection, halftone: Halftone) -> Plan {
@@ -100,6 +109,8 @@ fn turns_agree_with_the_clear_renderer() {
         compare(gpu, "knot", &scene("knot-5k"), &reference, &plan(Projection::ConeRoot, Halftone::WhiteNoise));
         compare(gpu, "tent", &builtin(), &small("tent"), &plan(Projection::Planar, Halftone::Bayer));
         compare(gpu, "lens", &builtin(), &lens(), &plan(Projection::ConeNewton, Halftone::BlueNoise3d));
+        compare(gpu, "curve", &builtin(), &curve(), &plan(Projection::ConeNewton, Halftone::Grey));
+        compare(gpu, "curve", &builtin(), &curve(), &plan(Projection::Planar, Halftone::BlueNoise));
         compare(gpu, "high viewer", &builtin(), &small("high-viewer"), &plan(Projection::ConeNewton, Halftone::Grey));
     });
 }

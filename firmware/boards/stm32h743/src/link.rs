@@ -43,7 +43,7 @@ struct IntoLoader;
 impl app_mode::Handler for IntoLoader {
     fn enter_dfu(&mut self) {
         let state = REPORT.lock(|report| report.get()).map(|(report, _)| report.state);
-        if state.is_none_or(|state| matches!(state, State::Idle | State::Fault)) {
+        if state.is_none_or(State::is_at_rest) {
             keep::want_download();
             cortex_m::peripheral::SCB::sys_reset();
         }

@@ -25,8 +25,7 @@ const ORBIT_FRAMES: u32 = 60;
 
 /// Where eyes stand around a rig.
 pub(super) struct Places {
-    distance_m: f64,
-    height_m: f64,
+    viewers: Viewers,
     window_m: f64,
 }
 
@@ -43,18 +42,13 @@ pub(super) struct Seen {
 
 impl Places {
     pub(super) fn new(rig: &Rig) -> Self {
-        let (distance_m, height_m) = match rig.viewers() {
-            Viewers::Circle { distance_m, height_m } => (distance_m, height_m),
-            // As good as infinity for what an eye can tell, near enough for the picture to have digits.
-            Viewers::Infinity { elevation } => (100.0 * elevation.cos(), 100.0 * elevation.sin()),
-        };
         // 130 mm on the reference rig, as in the measure.
-        Self { distance_m, height_m, window_m: (display_radius_m(rig) * 1875.0).round() / 1000.0 }
+        Self { viewers: rig.viewers(), window_m: (display_radius_m(rig) * 1875.0).round() / 1000.0 }
     }
 
     fn view(&self, azimuth: f64, pixels: u32, rays: u32) -> View {
-        let (sin, cos) = azimuth.sin_cos();
-        let from = DVec3::new(self.distance_m * sin, self.height_m, self.distance_m * cos);
+        // As good as infinity for what an eye can tell, near enough for the picture to have digits.
+        let from = self.viewers.place(azimuth, 100.0);
         View { from, look_at: DVec3::ZERO, window_m: self.window_m, pixels, rays }
     }
 }

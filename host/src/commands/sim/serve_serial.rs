@@ -1,6 +1,6 @@
 //! `praxi sim --serve serial`: the simulated controller behind a pseudo-terminal, as another program meets it.
 
-use crate::commands::{Failure, say};
+use crate::commands::{Failure, say, until_interrupted};
 use hil_sim::device::Endpoint;
 use hil_sim::paced::{Pace, Paced, Traffic};
 use hil_sim::served::{Pump, STEP};
@@ -13,6 +13,7 @@ use std::convert::Infallible;
 use std::fs::File;
 use std::io::{self, ErrorKind, Read, Write};
 use std::os::unix::fs::OpenOptionsExt;
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 /// What waits for a host that does not read: as much as Linux keeps for a terminal. The rest is lost, as on any serial line.
@@ -20,7 +21,7 @@ const UNREAD_MAX: usize = 64 * 1024;
 /// Bytes that are read at once.
 const CHUNK: usize = 4096;
 
-/// Serves `simulator` at `baud` bits a second until the program is ended; says where, and when a host came or went.
+/// Serves `simulator` at `baud` bits a second until it is told to end; says where, and when a host came or went.
 pub(super) fn serve(simulator: Simulator, baud: u32, as_json: bool) -> Result<(), Failure> {
     let pace = Pace::serial(baud);
     let mut terminal = Terminal::open().map_err(|error| Failure(format!("no pseudo-terminal: {error}")))?;
@@ -33,8 +34,8 @@ pub(super) fn serve(simulator: Simulator, baud: u32, as_json: bool) -> Result<()
         ),
         json!({ "event": "ready", "path": path, "baud": baud }),
     );
-    let (start, mut pump) = (Instant::now(), Pump::new());
-    loop {
+    let (start, mut pump, interrupted) = (Instant::now(), Pump::new(), until_interrupted());
+    while !interrupted.load(Ordering::Relaxed) {
         let had_host = terminal.has_host;
         let Ok(()) = pump.catch_up(start.elapsed(), &mut line, |line| {
             terminal.exchange(line);
@@ -54,6 +55,7 @@ pub(super) fn serve(simulator: Simulator, baud: u32, as_json: bool) -> Result<()
         }
         std::thread::sleep(STEP);
     }
+    Ok(())
 }
 
 /// The share of the line's rate that was used from the first byte to the last.

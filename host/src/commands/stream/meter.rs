@@ -3,13 +3,14 @@
 use super::{Display, Picture};
 use crate::commands::say;
 use crate::stream::Statistics;
+use crate::stream::live::{Progress, Totals};
 use crate::stream::mailbox::Mailbox;
 use indicatif::{ProgressBar, ProgressStyle};
-use protocol::message::{State, Status};
+use protocol::message::Status;
 use protocol::rig::Rig;
 use serde_json::json;
 use std::collections::VecDeque;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How often the line is written anew.
 const LINE_EVERY: Duration = Duration::from_millis(250);
@@ -19,14 +20,13 @@ const JSON_EVERY: Duration = Duration::from_secs(1);
 const WINDOW: Duration = Duration::from_secs(1);
 
 /// What was counted at a moment.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Mark {
-    at: Duration,
-    delivered: u64,
+    at: Instant,
     statistics: Statistics,
 }
 
-/// Rates between two moments.
+/// Rates between two moments, by the wall's clock.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Rates {
     pub turns_per_second: f64,
@@ -35,87 +35,132 @@ pub(super) struct Rates {
     pub ratio: Option<f64>,
 }
 
+impl Rates {
+    fn new(seconds: f64, turns: f64, bytes_raw: f64, bytes_on_wire: f64) -> Self {
+        let per_second = |amount: f64| if seconds > 0.0 { amount / seconds } else { 0.0 };
+        Self {
+            turns_per_second: per_second(turns),
+            bytes_per_second: per_second(bytes_on_wire),
+            ratio: (bytes_on_wire > 0.0 && bytes_raw > 0.0).then(|| bytes_raw / bytes_on_wire),
+        }
+    }
+}
+
+/// What there is since the mirror came into step.
+pub(super) struct Overall {
+    pub rates: Rates,
+    /// By the wall's clock.
+    pub seconds: f64,
+    /// By the link's, which a simulated device's is not the wall's.
+    pub link_seconds: f64,
+    /// Turns that came on screen.
+    pub shown: u32,
+}
+
 /// The meter.
 pub(super) struct Meter {
     bar: ProgressBar,
     is_json: bool,
     turns_per_second: f64,
-    slices: f64,
-    told_at: Option<Duration>,
+    slices: u32,
+    turn_bytes: f64,
+    told_at: Option<Instant>,
     marks: VecDeque<Mark>,
     began: Mark,
+    /// The link's time then.
+    began_on_link: Duration,
     shown_before: u32,
+    totals: Totals,
+    /// Whether the mirror came into step, and turns were sent.
+    pub has_begun: bool,
     /// How often the device was lost, as far as that was said.
     pub losses: u64,
 }
 
 impl Meter {
-    pub(super) fn new(is_json: bool, rig: &Rig, now: Duration) -> Self {
+    pub(super) fn new(is_json: bool, rig: &Rig, plane_bytes: usize, display: &Display) -> Self {
         let style = ProgressStyle::with_template("{msg}").expect("a fixed template");
+        let slices = rig.rotation.slices;
         Self {
             bar: if is_json { ProgressBar::hidden() } else { ProgressBar::new_spinner().with_style(style) },
             is_json,
             turns_per_second: rig.turns_per_second(),
-            slices: f64::from(rig.rotation.slices),
+            slices,
+            turn_bytes: f64::from(slices) * plane_bytes as f64,
             told_at: None,
             marks: VecDeque::new(),
-            began: Mark { at: now, ..Mark::default() },
+            began: Mark { at: Instant::now(), statistics: display.statistics() },
+            began_on_link: display.now(),
             shown_before: 0,
+            totals: Totals::default(),
+            has_begun: false,
             losses: 0,
         }
     }
 
     /// The mirror is in step: counts from here on.
     pub(super) fn start(&mut self, display: &Display) {
-        self.began = mark(display);
+        self.began = Mark { at: Instant::now(), statistics: display.statistics() };
+        self.began_on_link = display.now();
         self.shown_before = display.status().map_or(0, |status| status.turns_shown);
         self.marks.push_back(self.began);
+        self.has_begun = true;
     }
 
     /// Tells how fast the mirror is on its way.
     pub(super) fn spinning_up(&mut self, display: &Display) {
-        if let Some(status) = display.status().filter(|_| self.is_due(display.now(), LINE_EVERY) && !self.is_json) {
+        if let Some(status) = display.status().filter(|_| !self.is_json && self.is_due(LINE_EVERY)) {
             let share = f64::from(status.speed_microhertz) / 1e6 / self.turns_per_second;
             self.bar.set_message(format!(
                 "{:<9} {:>3.0} % of {} turns/s",
-                word(status.state),
+                status.state.name(),
                 share * 100.0,
                 self.turns_per_second
             ));
         }
     }
 
-    /// Tells how it goes, where it is time.
+    /// Tells how it goes between two turns, where it is time.
     pub(super) fn tell(&mut self, display: &Display, mailbox: &Mailbox<Picture>) {
-        if !self.is_due(display.now(), if self.is_json { JSON_EVERY } else { LINE_EVERY }) {
+        self.totals = display.totals();
+        let status = display.status().filter(|_| display.is_connected());
+        self.write(&display.statistics(), status, 0, mailbox);
+    }
+
+    /// Tells how the turn does that is under way, where it is time.
+    pub(super) fn watch(&mut self, progress: &Progress, mailbox: &Mailbox<Picture>) {
+        self.write(&progress.statistics, progress.status.as_ref(), progress.planes, mailbox);
+    }
+
+    fn write(&mut self, statistics: &Statistics, status: Option<&Status>, planes: u64, mailbox: &Mailbox<Picture>) {
+        if !self.is_due(if self.is_json { JSON_EVERY } else { LINE_EVERY }) {
             return;
         }
-        let now = mark(display);
+        let now = Mark { at: Instant::now(), statistics: *statistics };
         self.marks.push_back(now);
-        while self.marks.len() > 2 && now.at.saturating_sub(self.marks[1].at) >= WINDOW {
+        while self.marks.len() > 2 && now.at - self.marks[1].at >= WINDOW {
             self.marks.pop_front();
         }
-        let rates = rates(&self.marks[0], &now);
-        let dropped = dropped(display, mailbox);
-        let status = display.status().filter(|_| display.is_connected());
+        let rates = self.rates(&self.marks[0], &now);
+        let (delivered, dropped) = (self.totals.delivered, dropped(self.totals, mailbox));
         if self.is_json {
             return say(json!({
-                "seconds": now.at.saturating_sub(self.began.at).as_secs_f64(),
+                "seconds": (now.at - self.began.at).as_secs_f64(),
                 "state": status.map(|status| status.state),
                 "phase_error_slices": status.map(|status| self.error_slices(status)),
                 "turns_per_second": rates.turns_per_second, "bytes_per_second": rates.bytes_per_second, "ratio": rates.ratio,
-                "turns": now.delivered, "dropped": dropped,
+                "turns": delivered, "turn_under_way": { "planes": planes, "of": self.slices }, "dropped": dropped,
             }));
         }
         let lock = status.map_or("away".to_string(), |status| {
-            format!("{:<9} {:>+7.4}", word(status.state), self.error_slices(status))
+            format!("{:<9} {:>+7.4}", status.state.name(), self.error_slices(status))
         });
-        let ratio = rates.ratio.map_or("     -  ".to_string(), |ratio| format!("{ratio:>6.1}:1"));
+        let ratio = rates.ratio.map_or("    -  ".to_string(), |ratio| format!("{ratio:>5.1}:1"));
+        let under_way = format!("+{planes}/{}", self.slices);
         self.bar.set_message(format!(
-            "{lock:<17} {:>5.1} turns/s {:>5.1} MB/s {ratio} {:>6} sent {dropped:>4} dropped",
+            "{lock:<17} {:>5.2} turns/s {} {ratio} {delivered:>5}{under_way:<8} sent {dropped:>3} drop",
             rates.turns_per_second,
-            rates.bytes_per_second / 1e6,
-            now.delivered,
+            speed(rates.bytes_per_second),
         ));
     }
 
@@ -124,59 +169,49 @@ impl Meter {
         self.bar.finish_and_clear();
     }
 
-    /// Rates since the mirror came into step, how long that is in seconds, and how many turns came on screen since.
-    pub(super) fn overall(&self, display: &Display) -> (Rates, f64, u32) {
-        let now = mark(display);
-        let shown = display.status().map_or(0, |status| status.turns_shown.saturating_sub(self.shown_before));
-        (rates(&self.began, &now), now.at.saturating_sub(self.began.at).as_secs_f64(), shown)
+    /// What there is since the mirror came into step.
+    pub(super) fn overall(&self, display: &Display) -> Overall {
+        let (statistics, began) = (display.statistics(), &self.began.statistics);
+        let seconds = self.began.at.elapsed().as_secs_f64();
+        let raw = (statistics.bytes_raw - began.bytes_raw) as f64;
+        let wire = (statistics.bytes_on_wire - began.bytes_on_wire) as f64;
+        Overall {
+            rates: Rates::new(seconds, display.totals().delivered as f64, raw, wire),
+            seconds,
+            link_seconds: display.now().saturating_sub(self.began_on_link).as_secs_f64(),
+            shown: display.status().map_or(0, |status| status.turns_shown.saturating_sub(self.shown_before)),
+        }
     }
 
     /// The mirror's angle ahead of its place.
     pub(super) fn error_slices(&self, status: &Status) -> f64 {
-        f64::from(status.phase_error) / 4_294_967_296.0 * self.slices
+        f64::from(status.phase_error) / 4_294_967_296.0 * f64::from(self.slices)
     }
 
-    fn is_due(&mut self, now: Duration, every: Duration) -> bool {
-        let due = self.told_at.is_none_or(|told| now.saturating_sub(told) >= every);
+    /// By planes: on a slow line a turn takes longer than rates are of.
+    fn rates(&self, from: &Mark, to: &Mark) -> Rates {
+        let turns = (to.statistics.planes - from.statistics.planes) as f64 / f64::from(self.slices);
+        let wire = (to.statistics.bytes_on_wire - from.statistics.bytes_on_wire) as f64;
+        Rates::new((to.at - from.at).as_secs_f64(), turns, turns * self.turn_bytes, wire)
+    }
+
+    fn is_due(&mut self, every: Duration) -> bool {
+        let due = self.told_at.is_none_or(|told| told.elapsed() >= every);
         if due {
-            self.told_at = Some(now);
+            self.told_at = Some(Instant::now());
         }
         due
     }
 }
 
+/// Bytes a second, in eleven columns.
+fn speed(bytes_per_second: f64) -> String {
+    let (rate, unit) =
+        if bytes_per_second < 1e6 { (bytes_per_second / 1e3, "kB") } else { (bytes_per_second / 1e6, "MB") };
+    format!("{rate:>5.1} {unit}/s")
+}
+
 /// Turns that were rendered and not delivered.
-pub(super) fn dropped(display: &Display, mailbox: &Mailbox<Picture>) -> u64 {
-    let ([_, replaced], totals) = (mailbox.counts(), display.totals());
-    replaced + totals.late + totals.failed
-}
-
-fn mark(display: &Display) -> Mark {
-    Mark { at: display.now(), delivered: display.totals().delivered, statistics: display.statistics() }
-}
-
-fn rates(from: &Mark, to: &Mark) -> Rates {
-    let seconds = to.at.saturating_sub(from.at).as_secs_f64();
-    let wire = (to.statistics.bytes_on_wire - from.statistics.bytes_on_wire) as f64;
-    let raw = (to.statistics.bytes_raw - from.statistics.bytes_raw) as f64;
-    let per_second = |amount: f64| if seconds > 0.0 { amount / seconds } else { 0.0 };
-    Rates {
-        turns_per_second: per_second((to.delivered - from.delivered) as f64),
-        bytes_per_second: per_second(wire),
-        ratio: (wire > 0.0 && raw > 0.0).then(|| raw / wire),
-    }
-}
-
-/// A state as people say it.
-pub(in crate::commands) fn word(state: State) -> &'static str {
-    match state {
-        State::Idle => "idle",
-        State::SpinUp => "spin-up",
-        State::Acquire => "acquire",
-        State::Locked => "locked",
-        State::Holdover => "holdover",
-        State::Fault => "fault",
-        State::Service => "service",
-        State::OpenLoop => "open loop",
-    }
+pub(super) fn dropped(totals: Totals, mailbox: &Mailbox<Picture>) -> u64 {
+    mailbox.counts()[1] + totals.late + totals.failed
 }

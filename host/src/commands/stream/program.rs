@@ -4,8 +4,9 @@ use super::{Args, Motion, Picture};
 use crate::commands::args::{busy, filling_extent_m};
 use crate::commands::{Failure, warn};
 use crate::halftoned::Halftoned;
-use crate::render::Renderer;
 use crate::render::plan::{Halftone, Plan};
+use crate::render::turn::Turn;
+use crate::render::{Renderer, Wanted, dark_turn};
 use crate::scene::{Animated, BUILTIN, Scene, Shading, shade};
 use crate::stream::mailbox::Mailbox;
 use protocol::rig::Rig;
@@ -46,7 +47,19 @@ impl Program {
     /// The scenes of the command line.
     pub(super) fn load(args: &Args, rig: &Rig) -> Result<Self, Failure> {
         let load = |name: &String| Act::load(name, args.animate, args, rig);
-        let acts = args.scenes.iter().map(load).collect::<Result<_, _>>()?;
+        let acts = args.scenes.iter().map(load).collect::<Result<Vec<_>, _>>()?;
+        if args.animate == Some(Motion::Clip) {
+            let still: Vec<_> = acts.iter().filter(|act| act.clip.is_none()).collect();
+            match &still[..] {
+                [first, ..] if still.len() == acts.len() => return Err(first.no_clip(args.clip.as_deref())),
+                still => {
+                    for act in still {
+                        let Failure(why) = act.no_clip(args.clip.as_deref());
+                        warn(format!("{why}: stands still"));
+                    }
+                }
+            }
+        }
         Ok(Self { acts, hold: args.hold, turns_per_second: rig.turns_per_second() })
     }
 
@@ -64,11 +77,30 @@ impl Program {
 
     /// What is to be seen in turn `number` of the mirror.
     pub(super) fn picture(&self, renderer: &dyn Renderer, rig: &Rig, number: u64) -> Result<Picture, Failure> {
+        self.picture_in(&mut Vec::new(), renderer, rig, number)
+    }
+
+    /// The same, in the memory of one of `kept` that nobody else holds any more, if there is one; new ones are added.
+    fn picture_in(
+        &self,
+        kept: &mut Vec<Arc<Turn>>,
+        renderer: &dyn Renderer,
+        rig: &Rig,
+        number: u64,
+    ) -> Result<Picture, Failure> {
         let (act, moment) = self.moment(number);
         let act = &self.acts[act];
         let lit = shade(&act.at(moment, self.turns_per_second)?, Shading::Lambert, false);
-        let turn = renderer.render_turn(&lit, rig, &act.plan, &|| ())?;
-        Ok(Halftoned { turn: Arc::new(turn), halftone: act.plan.halftone, number: 0 })
+        let free = kept.iter().position(|turn| Arc::strong_count(turn) == 1);
+        let mut turn = match free {
+            Some(free) => kept.swap_remove(free),
+            None => Arc::new(dark_turn(rig, &act.plan)?),
+        };
+        let slices: Vec<_> = (0..rig.rotation.slices).collect();
+        let wanted = Wanted { slices: &slices, number: 0, done: &|| () };
+        renderer.prepare(&lit, rig, &act.plan)?.render(wanted, Arc::make_mut(&mut turn))?;
+        kept.push(Arc::clone(&turn));
+        Ok(Halftoned { turn, halftone: act.plan.halftone, number: 0 })
     }
 
     /// Renders into `mailbox` what is to be seen now, until nobody wants more.
@@ -80,7 +112,7 @@ impl Program {
     ) -> Result<Rendering, Failure> {
         let (start, mut rendering) = (Instant::now(), Rendering::default());
         let mut last: Option<((usize, u64), Picture)> = None;
-        let mut next = 0;
+        let (mut next, mut kept) = (0, Vec::new());
         loop {
             mailbox.wait(STALE);
             if mailbox.is_closed() {
@@ -101,7 +133,7 @@ impl Program {
                 Some((_, picture)) => picture,
                 None => {
                     let began = Instant::now();
-                    let picture = self.picture(renderer, rig, number)?;
+                    let picture = self.picture_in(&mut kept, renderer, rig, number)?;
                     rendering.turns += 1;
                     rendering.time += began.elapsed();
                     picture
@@ -123,7 +155,7 @@ impl Act {
             warn(format!("{name}: {note}"));
         }
         let clip = match motion {
-            Some(Motion::Clip) => Some(clip(name, &scene, args.clip.as_deref())?),
+            Some(Motion::Clip) => clip(&scene, args.clip.as_deref()),
             _ => None,
         };
         if let Some(extent_m) = filling_extent_m(name, scene.at_rest(), rig)? {
@@ -137,6 +169,14 @@ impl Act {
         }
         let spin_deg = if motion == Some(Motion::Spin) { args.spin_deg } else { 0.0 };
         Ok(Self { name: name.into(), scene, clip, spin_deg, plan })
+    }
+
+    /// That it has no such clip, and which it has.
+    fn no_clip(&self, wanted: Option<&str>) -> Failure {
+        let names: Vec<_> = self.scene.clips().iter().map(|clip| clip.name.as_str()).collect();
+        let allowed = if names.is_empty() { "it has none".into() } else { format!("it has {}", names.join(", ")) };
+        let wanted = wanted.map(|name| format!(" {name}")).unwrap_or_default();
+        Failure(format!("{}: no clip{wanted}: {allowed}", self.name))
     }
 
     fn moves(&self) -> bool {
@@ -160,14 +200,6 @@ impl Act {
 }
 
 /// The clip of this name, or the first.
-fn clip(file: &str, scene: &Animated, wanted: Option<&str>) -> Result<usize, Failure> {
-    let names: Vec<_> = scene.clips().iter().map(|clip| clip.name.as_str()).collect();
-    let found = match wanted {
-        Some(wanted) => names.iter().position(|name| *name == wanted),
-        None => (!names.is_empty()).then_some(0),
-    };
-    found.ok_or_else(|| {
-        let allowed = if names.is_empty() { "it has none".into() } else { format!("it has {}", names.join(", ")) };
-        Failure(format!("{file}: no clip{}: {allowed}", wanted.map(|name| format!(" {name}")).unwrap_or_default()))
-    })
+fn clip(scene: &Animated, wanted: Option<&str>) -> Option<usize> {
+    scene.clips().iter().position(|clip| wanted.is_none_or(|wanted| clip.name == wanted))
 }

@@ -88,7 +88,11 @@ fn what_is_no_port_is_refused_with_a_remedy() {
         other => panic!("{other:?}"),
     };
     assert!(absent("/dev/tty-of-nobody").contains("there is"));
-    assert!(absent("/dev/null").contains("no serial port"));
+    for (path, kind) in [("/tmp", "a folder"), ("/etc/passwd", "a file"), ("/dev/null", "a device")] {
+        let Err(LinkError::Other { name, what, remedy }) = SerialLink::open(path, 1_000_000) else { panic!("{path}") };
+        assert_eq!((&name[..], what), (path, &format!("{kind} and no serial port")[..]));
+        assert!(remedy.contains("there is") != remedy.contains("plug"), "{remedy}");
+    }
     let denied = refused("/dev/ttyS9", ErrorKind::PermissionDenied.into());
     assert!(matches!(&denied, LinkError::Forbidden { .. }) && denied.to_string().contains("dialout"), "{denied}");
     assert!(matches!(refused("/dev/ttyS9", ErrorKind::ResourceBusy.into()), LinkError::InUse { .. }));

@@ -9,7 +9,7 @@ use rustix::io::Errno;
 use serialport::{ClearBuffer, SerialPort, TTYPort};
 use std::fs::{File, OpenOptions};
 use std::io::{self, IsTerminal, Read, Write};
-use std::os::unix::fs::OpenOptionsExt;
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::time::Duration;
 
 /// What the system says of a port that was unplugged, and of the end of a pseudo-terminal whose other end is closed.
@@ -25,11 +25,17 @@ pub struct Line {
 
 impl Line {
     pub fn open(port: &str, baud: u32) -> Result<Self, LinkError> {
+        match std::fs::metadata(port).map(|there| there.file_type()) {
+            Ok(kind) if kind.is_dir() => return Err(no_port(port, "a folder and no serial port")),
+            Ok(kind) if !kind.is_char_device() => return Err(no_port(port, "a file and no serial port")),
+            // What cannot be looked at cannot be opened, and that says why.
+            _ => {}
+        }
         let flags = OFlags::NONBLOCK | OFlags::NOCTTY;
         let opened = OpenOptions::new().read(true).write(true).custom_flags(flags.bits() as i32).open(port);
         let file = opened.map_err(|error| refused(port, error))?;
         if !file.is_terminal() {
-            return Err(no_port(port));
+            return Err(no_port(port, "a device and no serial port"));
         }
         let set_up = TTYPort::open(&serialport::new(port, baud)).map_err(|error| refused_by_port(port, baud, error))?;
         // What waits there is an earlier conversation's.

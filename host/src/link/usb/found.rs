@@ -132,6 +132,12 @@ pub fn list() -> Vec<Found> {
     all(OURS).unwrap_or_default()
 }
 
+/// What a machine is told that has no USB, or none that this user may ask: the cause, and what to do.
+pub const NO_USB: [&str; 2] = [
+    "no USB on this machine, or none that this user may ask",
+    "use a machine with USB, or a controller that is simulated: --device sim:usb",
+];
+
 /// The rule for Linux's udev that lets whoever sits at the machine open devices of that vendor and product.
 pub fn udev_rule(vendor: u16, product: u16) -> String {
     format!(r#"SUBSYSTEM=="usb", ATTR{{idVendor}}=="{vendor:04x}", ATTR{{idProduct}}=="{product:04x}", TAG+="uaccess""#)
@@ -140,7 +146,7 @@ pub fn udev_rule(vendor: u16, product: u16) -> String {
 /// The one device of that name which is `wanted`; others do not count.
 pub(crate) fn one(name: &Name, wanted: impl Fn(&Found) -> bool) -> Result<Found, LinkError> {
     let absent = |remedy: String| LinkError::Absent { name: name.to_string(), remedy };
-    let all = all(name.id).map_err(|error| absent(format!("this machine's USB cannot be asked ({error})")))?;
+    let all = all(name.id).map_err(|_| absent(NO_USB.join(": ")))?;
     // One that may not be opened does not tell its serial number: it may be this one.
     let is_named = |found: &Found| {
         let serial = &found.name_parts.serial;
@@ -281,7 +287,8 @@ mod tests {
     #[test]
     fn nothing_there_is_one_line_with_a_remedy() {
         let error = one(&"usb:ffff:fffe".parse().unwrap(), |_| true).err().unwrap().to_string();
-        assert!(error.starts_with("no device usb:ffff:fffe: "), "{error}");
+        assert!(error.starts_with("no device usb:ffff:fffe: ") && !error.contains("Other error"), "{error}");
+        assert!(error.contains(NO_USB[1]) || error.contains("plug the controller in"), "{error}");
     }
 
     #[test]

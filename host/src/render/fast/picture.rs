@@ -1,10 +1,9 @@
 //! Textures as luminances, for triangles that show them in one tint.
 
 use crate::render::mesh::Triangle;
-use crate::scene::{Texture, Wrap, luminance};
+use crate::scene::{Texture, Wrap, linear_from_srgb, luminance};
 use glam::Vec3;
 use raster::{FULL, Picture, Skin, WHITE};
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// All pictures of a scene together may take this many bytes; triangles that would need more are shaded by the texture itself.
@@ -17,11 +16,14 @@ const TINTS_MAX: usize = 4;
 fn picture(texture: &Texture, tint: Vec3) -> Picture {
     let (width, height) = texture.size();
     let mut texels = vec![0; width as usize * height as usize];
-    texels.par_chunks_exact_mut(width as usize).zip(0..height).for_each(|(texels, y)| {
-        for (x, texel) in (0..).zip(texels) {
-            *texel = (luminance(tint * texture.texel(x, y)) * FULL + 0.5) as u16;
-        }
+    // What each value of each channel adds.
+    let light = Vec3::AXES.map(|axis| {
+        let white = luminance(tint * axis) * FULL;
+        core::array::from_fn::<_, 256, _>(|value| white * linear_from_srgb(value as f32 / 255.0))
     });
+    for (texel, [r, g, b, _]) in texels.iter_mut().zip(texture.texels_srgb8()) {
+        *texel = (light[0][usize::from(*r)] + light[1][usize::from(*g)] + light[2][usize::from(*b)] + 0.5) as u16;
+    }
     Picture::new(width, texture.wrap(), &texels)
 }
 
@@ -106,16 +108,37 @@ mod tests {
             uv in [[-9.0f32..9.0, -9.0f32..9.0], [-9.0f32..9.0, -9.0f32..9.0], [-9.0f32..9.0, -9.0f32..9.0]],
             tint in [0.1f32..1.0, 0.1f32..1.0, 0.1f32..1.0],
         ) {
-            let textures = [Arc::new(Texture::new(sides[0] as u32, sides[1] as u32, texels, wrap))];
-            let radiance = [0.3, 1.0, 0.6].map(|strength| strength * Vec3::from(tint));
-            let triangle = Triangle { corners: [0; 3], radiance, uv: uv.map(Vec2::from), texture: Some(0) };
-            let mut pictures = Pictures::new(1);
-            let skin = pictures.skin(&triangle, &textures).expect("one tint");
-            for corner in 0..3 {
-                let place = skin.places.map(|places| places[corner]);
-                let luminance_here = pictures.all[0].sample(place) * skin.gains[corner] / WHITE;
-                let right = luminance(radiance[corner] * textures[0].sample(triangle.uv[corner]));
+            let texture = Texture::new(sides[0] as u32, sides[1] as u32, texels, wrap);
+            for [luminance_here, right] in luminances(texture, uv.map(Vec2::from), tint.into()) {
                 prop_assert!((luminance_here - right).abs() < 1.0 / 1024.0, "{luminance_here} {right}");
+            }
+        }
+    }
+
+    /// At each corner of a triangle: by a picture, and by its texture.
+    fn luminances(texture: Texture, uv: [Vec2; 3], tint: Vec3) -> [[f32; 2]; 3] {
+        let textures = [Arc::new(texture)];
+        let radiance = [0.3, 1.0, 0.6].map(|strength| strength * tint);
+        let triangle = Triangle { corners: [0; 3], radiance, uv, texture: Some(0) };
+        let mut pictures = Pictures::new(1);
+        let skin = pictures.skin(&triangle, &textures).expect("one tint");
+        core::array::from_fn(|corner| {
+            let place = skin.places.map(|places| [places[corner]]);
+            let [sample] = pictures.all[0].samples(place.each_ref(), 0..1);
+            let right = luminance(radiance[corner] * textures[0].sample(uv[corner]));
+            [sample * skin.gains[corner] / WHITE, right]
+        })
+    }
+
+    #[test]
+    fn where_a_picture_repeats_it_is_its_texture_too() {
+        let texels: Vec<_> = (0..12u8).map(|at| [21 * at, 255 - 9 * at, 40 * (at % 5), 0]).collect();
+        for (wrap, u, v) in
+            WRAPS.iter().flat_map(|wrap| (-6..=6).flat_map(move |u| (-6..=6).map(move |v| (*wrap, u, v))))
+        {
+            let uv = Vec2::new(u as f32, v as f32) / 2.0;
+            for [here, right] in luminances(Texture::new(4, 3, texels.clone(), [wrap; 2]), [uv; 3], Vec3::ONE) {
+                assert!((here - right).abs() < 1.0 / 1024.0, "{wrap:?} {uv}: {here} {right}");
             }
         }
     }

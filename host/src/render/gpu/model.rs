@@ -53,6 +53,7 @@ impl Model {
         let needs = Needs {
             lens: rig.camera().lens().is_some(),
             cone: method != Method::Planar,
+            curve: slices.iter().any(|slice| slice.bends > 0),
             dim: projectors.iter().any(SliceProjector::may_be_unlit),
             textured: mesh.triangles.iter().any(|triangle| triangle.texture.is_some()),
             faces: rig.mirror.face.len() > 1,

@@ -16,6 +16,8 @@ pub(super) struct Needs {
     pub cone: bool,
     /// A viewer of some pixel may be behind the mirror.
     pub dim: bool,
+    /// Viewers are on a curve.
+    pub curve: bool,
     /// Something has a texture.
     pub textured: bool,
     /// The mirror has several faces.
@@ -27,17 +29,17 @@ pub(super) type Constants = [(&'static str, f64)];
 
 impl Needs {
     /// How many there are.
-    const COUNT: usize = 32;
+    const COUNT: usize = 64;
 
     fn index(self) -> usize {
-        let Self { lens, cone, dim, textured, faces } = self;
-        [lens, cone, dim, textured, faces].into_iter().fold(0, |index, need| 2 * index + usize::from(need))
+        let Self { lens, cone, dim, curve, textured, faces } = self;
+        [lens, cone, dim, curve, textured, faces].into_iter().fold(0, |index, need| 2 * index + usize::from(need))
     }
 
-    /// Of the shaders that draw; those that project know the first three.
-    pub fn constants(self) -> [(&'static str, f64); 5] {
-        let Self { lens, cone, dim, textured, faces } = self;
-        [("LENS", lens), ("CONE", cone), ("DIM", dim), ("TEXTURED", textured), ("FACES", faces)]
+    /// Of the shaders that draw; those that project know the first four.
+    pub fn constants(self) -> [(&'static str, f64); 6] {
+        let Self { lens, cone, dim, curve, textured, faces } = self;
+        [("LENS", lens), ("CONE", cone), ("DIM", dim), ("CURVE", curve), ("TEXTURED", textured), ("FACES", faces)]
             .map(|(name, need)| (name, f64::from(u8::from(need))))
     }
 }
@@ -64,7 +66,7 @@ impl Pipelines {
     pub fn vertices(&self, gpu: &Gpu, needs: Needs) -> &ComputePipeline {
         self.variants[needs.index()].vertices.get_or_init(|| {
             let module = gpu.module(&[wgsl::HALFTONE, wgsl::BATCH, wgsl::PROJECT, wgsl::VERTICES]);
-            gpu.compute(&module, "vertices", &needs.constants()[..3])
+            gpu.compute(&module, "vertices", &needs.constants()[..4])
         })
     }
 

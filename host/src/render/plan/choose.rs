@@ -158,6 +158,24 @@ pub fn choose(scene: &ShadedScene, rig: &Rig, fixed: Fixed, budget: Budget) -> R
     }
 }
 
+/// Plans of less and less cost: the cheapest within `px`, or the most accurate one where none is, and each further one within twice as
+/// much and at least a tenth cheaper; `rungs` at most.
+pub fn ladder(scene: &ShadedScene, rig: &Rig, px: f64, rungs: u32) -> Result<Vec<Candidate>, PlanError> {
+    let chooser = Chooser::new(scene, rig, Fixed::default())?;
+    let first = match chooser.cheapest_within(px) {
+        Err(PlanError::TooAccurate { reached, .. }) => chooser.cheapest_within(1.001 * reached),
+        choice => choice,
+    };
+    let mut ladder = vec![first?.chosen];
+    for rung in 1..rungs {
+        let next = chooser.cheapest_within(px * f64::from(1 << rung))?.chosen;
+        if ladder.last().is_some_and(|last| next.cost_ms < 0.9 * last.cost_ms) {
+            ladder.push(next);
+        }
+    }
+    Ok(ladder)
+}
+
 /// A scene and a rig, and the ways to find V' that are worth weighing for them.
 struct Chooser<'a> {
     scene: &'a ShadedScene,
@@ -368,7 +386,11 @@ fn exact(scene: &ShadedScene, rig: &Rig, straight: &Mesh, fixed: Fixed) -> Resul
 /// Whether `scene` comes so near to where viewers are that pieces of it pass them, which only rays draw right. Triangles that lie
 /// wholly beyond all sight lines do not count.
 fn reaches_viewers(scene: &ShadedScene, rig: &Rig) -> bool {
-    let Viewers::Circle { distance_m, .. } = rig.viewers() else { return false };
+    let distance_m = match rig.viewers() {
+        Viewers::Circle { distance_m, .. } => distance_m,
+        Viewers::Curve(curve) => curve.distances()[0],
+        Viewers::Infinity { .. } => return false,
+    };
     let reach_m = reach_m(rig);
     let triangles = scene.triangles.iter().map(|triangle| triangle.positions.map(DVec3::from));
     let corners = triangles.filter(|corners| !is_out_of_reach(*corners, reach_m)).flatten();

@@ -1,7 +1,7 @@
 //! Streams that go on.
 
 use super::*;
-use crate::stream::live::{Live, Source, Standby, Step, Totals};
+use crate::stream::live::{Live, Progress, Source, Standby, Step, Totals};
 use hil_sim::paced::{Pace, Paced};
 
 type Line = Paced<Faulty<Player>>;
@@ -31,6 +31,38 @@ impl Source for Film {
     fn has_newer(&mut self, now: Duration) -> bool {
         self.last != Some(self.newest(now))
     }
+}
+
+/// Notes how many planes of a turn have arrived, each time it is told.
+struct Watched(Film, Vec<u64>);
+
+impl Source for Watched {
+    type Turn = Pictures;
+
+    fn take(&mut self, now: Duration) -> Option<Pictures> {
+        self.0.take(now)
+    }
+
+    fn has_newer(&mut self, now: Duration) -> bool {
+        self.0.has_newer(now)
+    }
+
+    fn watch(&mut self, progress: &Progress) {
+        self.1.push(progress.planes);
+    }
+}
+
+#[test]
+fn a_turn_is_watched_while_it_is_under_way() {
+    let line = line(20_000.0);
+    let mut live = open_live(&line, 20_000.0, Duration::from_secs(1));
+    let mut source = Watched(Film { every: Duration::from_secs(3_600), last: None }, Vec::new());
+    while !matches!(live.step(&mut source).unwrap(), Step::Delivered(_)) {}
+    let seen = &source.1;
+    assert!(seen.is_sorted() && seen[0] == 0 && seen.len() >= SLICES as usize, "{seen:?}");
+    // One by one, but for those that are under way when the last one is sent.
+    assert!(seen.windows(2).all(|pair| pair[1] - pair[0] <= 1) && seen.last() > Some(&10), "{seen:?}");
+    assert_eq!(live.statistics().planes, u64::from(SLICES));
 }
 
 /// No turns any more.

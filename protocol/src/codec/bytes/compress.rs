@@ -5,6 +5,7 @@ use super::super::byte_codes::{CONTEXTS, LENGTHS_BYTES};
 use super::super::mask::BLOCK;
 use super::super::walk::lit::LitRuns;
 use super::context;
+use std::sync::Arc;
 
 /// The longest code, bits.
 const LENGTH_MAX: u8 = 15;
@@ -77,12 +78,12 @@ fn code_lengths(mut weights: [u64; 256]) -> [u8; 256] {
     }
 }
 
-/// Compresses planes by codes. Keeps its memory from plane to plane.
+/// Compresses planes by codes. Keeps its memory from plane to plane; clones share their tables.
 #[derive(Clone, Debug)]
 pub(in super::super) struct BytesCompressor {
     lit: LitRuns,
     /// By context and byte: a code and its length.
-    codes: Vec<[(u16, u8); 256]>,
+    codes: Arc<[[(u16, u8); 256]]>,
 }
 
 impl BytesCompressor {

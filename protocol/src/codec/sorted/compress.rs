@@ -4,16 +4,18 @@ use super::super::bits::{BitWriter, UNARY_MAX};
 use super::super::mask::{BLOCK, CELLS, Lighting, Mask, Order};
 use super::super::walk::{lit::LitRuns, to_zigzag};
 use super::{CLASSES, Guess, Neighbours};
+use std::sync::Arc;
 
 /// Sorts the pixels of blocks in the order in which a mask lights them: 1 MiB for a mask of 64 × 64.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 struct Sorter {
+    mask: Mask,
     /// By class, row of the block, and that row's byte: where its pixels go.
     sorted: Vec<[[u64; 256]; BLOCK]>,
 }
 
 impl Sorter {
-    fn new(mask: &Mask) -> Self {
+    fn new(mask: Mask) -> Self {
         let sorted = mask.lightings().map(|lighting| {
             let mut table = [[0; 256]; BLOCK];
             for place in 0..CELLS {
@@ -24,7 +26,7 @@ impl Sorter {
             }
             table
         });
-        Self { sorted: sorted.collect() }
+        Self { sorted: sorted.collect(), mask }
     }
 }
 
@@ -38,30 +40,34 @@ struct Code {
     inner: u64,
 }
 
-/// Compresses planes that were halftoned by one mask. Keeps its memory from plane to plane.
+/// Compresses planes that were halftoned by one mask. Keeps its memory from plane to plane; clones share their tables.
 #[derive(Clone, Debug)]
 pub(in super::super) struct SortedCompressor {
-    mask: Mask,
-    sorter: Sorter,
+    sorter: Arc<Sorter>,
     lit: LitRuns,
     codes: Vec<Code>,
     /// How many of them each row of blocks has.
     counts: Vec<usize>,
 }
 
-/// Bits that each parameter would cost, for ones and zones by class.
-type Costs = [[[u32; 8]; CLASSES]; 2];
+/// Numbers that are coded are below this.
+const NUMBERS: usize = 2 * CELLS;
+
+/// How often each number comes, for ones and zones by class.
+type Counts = [[[u32; NUMBERS]; CLASSES]; 2];
 
 impl SortedCompressor {
     /// For planes halftoned by `mask`, which is set.
     pub(in super::super) fn new(mask: Mask) -> Self {
-        Self { sorter: Sorter::new(&mask), mask, lit: LitRuns::default(), codes: Vec::new(), counts: Vec::new() }
+        let sorter = Arc::new(Sorter::new(mask));
+        Self { sorter, lit: LitRuns::default(), codes: Vec::new(), counts: Vec::new() }
     }
 
     /// Appends the stream of `plane`, rows of `row_bytes`, to `out`. `shift`: by how much the mask's ranks were moved.
     pub(in super::super) fn compress(&mut self, plane: &[u8], row_bytes: usize, shift: u16, out: &mut Vec<u8>) {
         self.lit.find(plane, row_bytes);
-        let low = self.sort(plane, row_bytes, &self.mask.shifted(shift)).map(|classes| classes.map(cheapest));
+        let order = self.sorter.mask.shifted(shift);
+        let low = self.sort(plane, row_bytes, &order).each_ref().map(|classes| classes.each_ref().map(cheapest));
         let mut bits = BitWriter::new(out);
         bits.put(shift.into(), 16);
         low.as_flattened().iter().for_each(|low| bits.put((*low).into(), 3));
@@ -79,9 +85,10 @@ impl SortedCompressor {
         bits.finish();
     }
 
-    /// Fills `codes` and `counts`, and adds up what each parameter would cost.
-    fn sort(&mut self, plane: &[u8], row_bytes: usize, order: &Order) -> Costs {
-        let mut costs = Costs::default();
+    /// Fills `codes` and `counts`, and counts the numbers that are coded.
+    fn sort(&mut self, plane: &[u8], row_bytes: usize, order: &Order) -> Counts {
+        let mut numbers = [[[0; NUMBERS]; CLASSES]; 2];
+        let sorter = &*self.sorter;
         let mut neighbours = Neighbours::NONE;
         self.codes.clear();
         self.counts.clear();
@@ -92,12 +99,12 @@ impl SortedCompressor {
                 before = end;
                 for column in start..end {
                     let word = block(bytes, row_bytes, column);
-                    let lighting = self.mask.block(order, column, row);
-                    let sorted = self.sorter.sort(word, self.mask.class(column, row), &lighting);
+                    let lighting = sorter.mask.block(order, column, row);
+                    let sorted = sorter.sort(word, sorter.mask.class(column, row), &lighting);
                     let guess = neighbours.guess(column);
                     let code = Code::new(sorted, guess);
-                    add_costs(code.ones.into(), &mut costs[0][guess.ones_class]);
-                    add_costs(u32::from(code.zone).saturating_sub(1), &mut costs[1][guess.zone_class]);
+                    numbers[0][guess.ones_class][usize::from(code.ones) % NUMBERS] += 1;
+                    numbers[1][guess.zone_class][usize::from(code.zone).saturating_sub(1) % NUMBERS] += 1;
                     self.codes.push(code);
                     neighbours.see(column, word.count_ones(), code.zone.into());
                 }
@@ -105,7 +112,7 @@ impl SortedCompressor {
             neighbours.darken(before, row_bytes);
             self.counts.push(self.codes.len() - begun);
         }
-        costs
+        numbers
     }
 }
 
@@ -145,13 +152,14 @@ fn block(bytes: &[u8], row_bytes: usize, column: usize) -> u64 {
     u64::from_le_bytes(word)
 }
 
-fn add_costs(value: u32, costs: &mut [u32; 8]) {
-    for (low, cost) in (0..).zip(costs) {
-        let unary = value >> low;
-        *cost += if unary < UNARY_MAX { unary + 1 + low } else { UNARY_MAX + 7 };
+/// The parameter by which numbers that come so often take the fewest bits.
+fn cheapest(counts: &[u32; NUMBERS]) -> u32 {
+    let mut costs = [0; 8];
+    for (number, count) in (0..).zip(counts).filter(|(_, count)| **count > 0) {
+        for (low, cost) in (0..).zip(&mut costs) {
+            let unary: u32 = number >> low;
+            *cost += count * if unary < UNARY_MAX { unary + 1 + low } else { UNARY_MAX + 7 };
+        }
     }
-}
-
-fn cheapest(costs: [u32; 8]) -> u32 {
     (0..).zip(costs).min_by_key(|(_, cost)| *cost).map_or(0, |(low, _)| low)
 }

@@ -3,6 +3,7 @@
 //!
 //! What a vertex runs through is inlined: with calls it took twice as long (60 ns for 29 ns, planar, double precision).
 
+mod bent;
 mod lines;
 mod shared;
 
@@ -10,10 +11,10 @@ use super::lanes::{NOWHERE, UNLIT};
 use super::table::SliceTable;
 use super::{Method, Real, SightLine, Vertex};
 use crate::project::{SliceOptics, Viewer, Visibility};
+use bent::{Bent, Sector};
 use glam::{DMat3, DVec2, DVec3};
 pub(super) use lines::Course;
 use lines::{CANCELLATION, NEAR, NEWTON_PX, NEWTON_TURN, SOUND};
-use protocol::rig::Viewers;
 
 /// One face in one slice.
 #[derive(Clone, Debug)]
@@ -38,6 +39,10 @@ pub struct SliceProjector<F> {
     near: F,
     /// Radius of the circle, its height, and its distance from the origin.
     circle: [F; 3],
+    /// The last of these before it was rounded.
+    from_origin_m: f64,
+    /// What viewers' places are made of where the fan of this slice meets a curve that is no circle there.
+    bent: Option<Bent<F>>,
     /// Homogeneous pixels from (across, slope, 1) on the plane.
     pixels: [[F; 3]; 3],
     /// Its inverse.
@@ -86,6 +91,11 @@ struct Place<F> {
 struct Line<F> {
     /// V' from above, in the mirror's frame.
     viewer: [F; 2],
+    /// The height of V', and its distance from the origin.
+    height: F,
+    from_origin: F,
+    /// The tangent of half the azimuth of V' in the mirror's frame, where the curve is bent.
+    half: F,
     /// V' − Q in the mirror's frame, and its square.
     toward: [F; 3],
     square: F,
@@ -105,9 +115,12 @@ impl<F: Real> SliceProjector<F> {
         let panel = |point: DVec3| DVec3::new(frame.across.dot(point), frame.slope.dot(point), frame.normal.dot(point));
         let projector = panel(exact.camera.position) - DVec3::Z * exact.offset_m;
         let image = DVec2::new(frame.across.dot(exact.projector_image), level.dot(exact.projector_image));
-        let (near, radius, height) = match exact.viewers {
-            Viewers::Circle { distance_m, height_m } => (1.0, distance_m, height_m),
-            Viewers::Infinity { elevation } => (0.0, elevation.cos(), elevation.sin()),
+        let sector = Sector::of(&exact);
+        let (near, radius, height) = match sector {
+            Sector::Infinity { elevation } => (0.0, elevation.cos(), elevation.sin()),
+            Sector::Circle(spot) | Sector::Rest(spot) | Sector::Bent(spot, _) | Sector::Unknown(spot) => {
+                (1.0, spot.distance_m, spot.height_m)
+            }
         };
         let camera = exact.camera.pixel_from_world();
         let pixels = DMat3::from_cols(
@@ -125,10 +138,19 @@ impl<F: Real> SliceProjector<F> {
         let px_per_m = exact.px_per_m();
         // The terms of a pixel's coordinate are as large as it is, or as the panel is in the image.
         let resolves_pixels = 8.0 * F::epsilon().wide() * (exact.largest_px() + reach * px_per_m) < F::TOLERANCE_PX;
+        let grazing = F::of(if resolves_pixels {
+            // The rounding of the point and of the direction times the lever to the mirror grow by CANCELLATION at worst.
+            (CANCELLATION * F::epsilon().wide() * px_per_m / F::TOLERANCE_PX).powi(2)
+        } else {
+            f64::INFINITY
+        });
+        let is_round = !matches!(sector, Sector::Unknown(_) | Sector::Bent(..));
+        let is_elsewhere = matches!(sector, Sector::Circle(_));
         let of2 = |[a, b]: [f64; 2]| [F::of(a), F::of(b)];
         Self {
             method,
-            table,
+            // A table is the resting circle's.
+            table: table.filter(|_| !is_elsewhere),
             azimuth: of2([level.x, level.z]),
             tilt: of2([frame.normal.dot(level), frame.normal.y]),
             offset: F::of(exact.offset_m),
@@ -140,6 +162,8 @@ impl<F: Real> SliceProjector<F> {
             image_squared: F::of(image.length_squared()),
             near: F::of(near),
             circle: [radius, height, radius.hypot(height)].map(F::of),
+            from_origin_m: if near == 0.0 { f64::INFINITY } else { radius.hypot(height) },
+            bent: if let Sector::Bent(_, bent) = sector { Some(bent.refusing(grazing)) } else { None },
             pixels: rows(pixels),
             mirrors: rows(pixels.inverse()),
             lens: exact.camera.lens().map(|lens| Lens {
@@ -149,12 +173,7 @@ impl<F: Real> SliceProjector<F> {
                 fold_squared: F::of(lens.fold_squared),
             }),
             reach_squared: F::of(reach * reach),
-            grazing: F::of(if resolves_pixels {
-                // The rounding of the point and of the direction times the lever to the mirror grow by CANCELLATION at worst.
-                (CANCELLATION * F::epsilon().wide() * px_per_m / F::TOLERANCE_PX).powi(2)
-            } else {
-                f64::INFINITY
-            }),
+            grazing: if is_round { grazing } else { F::infinity() },
             settled: F::of((NEWTON_PX / (2.0 * reach * px_per_m)).min(NEWTON_TURN * radius / radius.hypot(height))),
             exact,
         }
@@ -181,6 +200,11 @@ impl<F: Real> SliceProjector<F> {
             sides: self.sides(line.mirror) as u8,
             lit: self.is_lit(&line),
         })
+    }
+
+    /// Whether viewers are on a bent piece of a curve in this slice.
+    pub fn is_bent(&self) -> bool {
+        self.bent.is_some()
     }
 
     /// The first of the parts of [`SliceProjector::vertex`] without a branch. Between them come steps.
@@ -225,6 +249,7 @@ impl<F: Real> SliceProjector<F> {
             mirror: self.to_world([place.x, place.y, place.z]),
             toward_viewer: self.to_world(line.toward.map(|component| component / length)),
             depth_m: self.depth(&place, &line),
+            from_origin_m: if self.bent.is_some() { line.from_origin.wide() } else { self.from_origin_m },
         })
     }
 
@@ -252,14 +277,15 @@ impl<F: Real> SliceProjector<F> {
     fn exact_sight(&self, pixel: [F; 2]) -> Option<SightLine<F>> {
         let mirror = self.exact.mirror_of(DVec2::from_array(pixel.map(F::wide)))?;
         let viewer = self.exact.sight_of(mirror)?.viewer;
-        let toward = match viewer {
-            Viewer::At(position) => (position - mirror).normalize(),
-            Viewer::Toward(direction) => direction,
+        let (toward, from_origin_m) = match viewer {
+            Viewer::At(position) => ((position - mirror).normalize(), self.exact.origin_distance_m(position)),
+            Viewer::Toward(direction) => (direction, f64::INFINITY),
         };
         Some(SightLine {
             mirror: mirror.to_array().map(F::of),
             toward_viewer: toward.to_array().map(F::of),
             depth_m: F::of(self.exact.depth_from_circle(mirror, viewer)),
+            from_origin_m,
         })
     }
 
@@ -294,13 +320,12 @@ impl<F: Real> SliceProjector<F> {
         [cos * x + sin * z, y, cos * z - sin * x]
     }
 
-    /// |V' − Q| less the circle's distance: the difference of the squares over the sum.
+    /// |V' − Q| less the distance of V' from the origin: the difference of the squares over the sum.
     #[inline(always)]
     fn depth(&self, place: &Place<F>, line: &Line<F>) -> F {
-        let [_, height, distance] = self.circle;
         let squared = self.near * (place.level_squared + place.y * place.y);
-        let along = place.x * line.viewer[0] + place.y * height + place.z * line.viewer[1];
-        (squared - along - along) / (line.square.sqrt() + distance)
+        let along = place.x * line.viewer[0] + place.y * line.height + place.z * line.viewer[1];
+        (squared - along - along) / (line.square.sqrt() + line.from_origin)
     }
 
     /// The pixel of M, and whether there is one: M is in front of the projector, and the lens does not fold it back.
@@ -344,7 +369,7 @@ impl<F: Real> SliceProjector<F> {
     #[inline(always)]
     fn is_lit(&self, line: &Line<F>) -> bool {
         let [sin, cos] = self.tilt;
-        self.exact.projector_is_above & (sin * line.viewer[1] + cos * self.circle[1] > self.near * self.offset)
+        self.exact.projector_is_above & (sin * line.viewer[1] + cos * line.height > self.near * self.offset)
     }
 
     /// Whether the panel's corners, and points its reach above and below them, are answered in `F` itself.

@@ -1,6 +1,7 @@
 use super::*;
 use crate::project::Visibility;
 use glam::{DVec2, DVec3};
+use protocol::rig::TrackedViewer;
 
 pub(super) const REFERENCE: &str = include_str!("../../../../host/rigs/reference.toml");
 const RIGS: [&str; 4] = [
@@ -32,8 +33,41 @@ pub(super) fn rigs() -> Vec<Rig> {
     rigs.push(changed(&[("distance_m = 0.9", "distance_m = 0.2"), ("height_m = 0.35", "height_m = 0.1")]));
     rigs.push(changed(&[("distance_m = 0.9", ""), ("height_m = 0.35", "elevation_deg = 30.0")]));
     rigs.push(changed(&[("distance_m = 0.9", "distance_m = 1e6"), ("height_m = 0.35", "height_m = 4e5")]));
+    for viewers in TRACKED {
+        rigs.push(with_viewers(Rig::parse(REFERENCE).unwrap(), viewers));
+    }
+    rigs.push(with_viewers(changed(&[("[0.0, 0.6, 0.0]", "[0.05, 0.5, 0.02]")]), TRACKED[1]));
+    rigs.push(with_viewers(Rig::parse(RIGS[3]).unwrap(), TRACKED[0]));
     rigs.push(changed(&[("width_px", "radial = [0.4, -0.5]\nwidth_px"), ("offset_m = 0.0 ", "offset_m = 0.004 ")]));
     rigs
+}
+
+/// Viewers by azimuth in degrees, distance and height in metres: higher ones, nearer and farther ones, and a crowd all around.
+const TRACKED: [&[[f64; 3]]; 3] = [
+    &[[10.0, 0.9, 0.6], [30.0, 0.9, 0.1], [120.0, 0.9, 0.75]],
+    &[[0.0, 1.3, 0.5], [25.0, 0.8, 0.3], [65.0, 1.8, 0.9], [200.0, 0.6, 0.35]],
+    &[
+        [0.0, 0.9, 0.5],
+        [9.0, 0.9, 0.4],
+        [18.0, 1.0, 0.5],
+        [40.0, 1.1, 0.45],
+        [62.0, 1.0, 0.3],
+        [90.0, 1.2, 0.6],
+        [150.0, 0.8, 0.5],
+        [170.0, 1.0, 0.5],
+        [230.0, 1.1, 0.7],
+        [250.0, 0.9, 0.3],
+    ],
+];
+
+pub(in crate::project) fn with_viewers(mut rig: Rig, viewers: &[[f64; 3]]) -> Rig {
+    let viewer = |[azimuth_deg, distance_m, height_m]: &[f64; 3]| TrackedViewer {
+        azimuth_deg: *azimuth_deg,
+        distance_m: *distance_m,
+        height_m: *height_m,
+    };
+    rig.viewing.tracked = viewers.iter().map(viewer).collect();
+    rig.checked().unwrap()
 }
 
 /// A fixed scatter of points of the ball that the panel sweeps, with slices.

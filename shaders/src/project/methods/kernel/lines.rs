@@ -15,15 +15,15 @@ pub(super) const NEWTON_TURN: f64 = 1e-3;
 const STEPS: usize = 6;
 
 /// How far a line is from the cone.
-struct Defect<F> {
+pub(super) struct Defect<F> {
     /// `o·e − i·e`.
-    value: F,
+    pub value: F,
     /// M − P across and along the slope.
-    across: F,
-    up: F,
+    pub across: F,
+    pub up: F,
     /// 1 / |M − P| and 1 / |V' − Q|.
-    inward: F,
-    outward: F,
+    pub inward: F,
+    pub outward: F,
 }
 
 /// Newton's method on its way.
@@ -80,7 +80,10 @@ impl<F: Real> SliceProjector<F> {
     /// The planar fan's line; `None` where too many digits cancel: near the axis of P', near the viewing circle, at grazing lines.
     #[inline]
     pub(super) fn planar(&self, place: &Place<F>) -> Option<Line<F>> {
-        let (line, is_sound) = self.planar_line(place);
+        let (line, is_sound) = match &self.bent {
+            None => self.planar_line(place),
+            Some(bent) => bent.planar_line(self, place),
+        };
         is_sound.then_some(line)
     }
 
@@ -105,8 +108,13 @@ impl<F: Real> SliceProjector<F> {
     /// number is not finite.
     #[inline(always)]
     fn is_steep(&self, place: &Place<F>, line: &Line<F>) -> bool {
+        self.is_steeper(place, line, self.grazing)
+    }
+
+    #[inline(always)]
+    pub(super) fn is_steeper(&self, place: &Place<F>, line: &Line<F>, grazing: F) -> bool {
         let squared = self.reach_squared + place.level_squared + place.y * place.y;
-        let least = self.grazing * line.square * squared;
+        let least = grazing * line.square * squared;
         (line.toward_above * line.toward_above >= least) & (least < F::infinity())
     }
 
@@ -118,14 +126,30 @@ impl<F: Real> SliceProjector<F> {
 
     /// The same, with its range from [`Line::toward_above`].
     #[inline(always)]
-    fn line_of(&self, place: &Place<F>, [x, z]: [F; 2], range: impl FnOnce(F) -> F) -> Line<F> {
-        let y = self.circle[1] - self.near * place.y;
+    fn line_of(&self, place: &Place<F>, away: [F; 2], range: impl FnOnce(F) -> F) -> Line<F> {
+        let [_, height, from_origin] = self.circle;
+        self.line_toward(place, away, [height, from_origin], range)
+    }
+
+    /// The same toward somebody at a height and a distance from the origin.
+    #[inline(always)]
+    pub(super) fn line_toward(
+        &self,
+        place: &Place<F>,
+        [x, z]: [F; 2],
+        [height, from_origin]: [F; 2],
+        range: impl FnOnce(F) -> F,
+    ) -> Line<F> {
+        let y = height - self.near * place.y;
         let [sin, cos] = self.tilt;
         let toward_slope = sin * y - cos * z;
         let toward_above = cos * y + sin * z;
         let range = range(toward_above);
         Line {
             viewer: [self.near * place.x + x, self.near * place.z + z],
+            height,
+            from_origin,
+            half: F::zero(),
             toward: [x, y, z],
             square: x * x + y * y + z * z,
             toward_slope,
@@ -146,6 +170,13 @@ impl<F: Real> SliceProjector<F> {
     /// From the planar fan's line to the method's; `None` where the method has no sure answer.
     #[inline]
     pub(super) fn follow(&self, place: &Place<F>, planar: Line<F>) -> Option<Line<F>> {
+        if let Some(bent) = &self.bent {
+            return match self.method {
+                Method::Planar => Some(planar),
+                Method::ConeRoot => bent.newton(self, place, planar, self.root_settled()),
+                Method::ConeNewton | Method::ConeTable => bent.newton(self, place, planar, self.settled),
+            };
+        }
         match self.method {
             Method::Planar => Some(planar),
             Method::ConeRoot => self.root(place, planar),
@@ -271,7 +302,7 @@ impl<F: Real> SliceProjector<F> {
 
     /// `o·e − i·e`.
     #[inline(always)]
-    fn defect(&self, line: &Line<F>) -> Defect<F> {
+    pub(super) fn defect(&self, line: &Line<F>) -> Defect<F> {
         let across = line.mirror[0] - self.projector[0];
         let up = line.mirror[1] - self.projector[1];
         let inward = (across * across + up * up + self.projector[2] * self.projector[2]).sqrt().recip();

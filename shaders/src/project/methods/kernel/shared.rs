@@ -1,7 +1,8 @@
 //! A slice as its WGSL twin reads it.
 
+use super::bent::Bent;
 use super::{Line, Method, SliceProjector};
-use crate::wgsl::Slice;
+use crate::wgsl::{BENDS, Slice};
 
 /// Points across and along the slope at which the panel is tried.
 const GRID: u8 = 9;
@@ -21,8 +22,8 @@ impl SliceProjector<f32> {
             let line = self.planar(&place).and_then(|planar| self.follow(&place, planar));
             let [sin, cos] = self.tilt;
             let clearly = |line: Line<f32>| {
-                let above = sin * line.viewer[1] + cos * self.circle[1] - self.near * self.offset;
-                self.is_lit(&line) && above > CLEARLY_LIT * self.circle[2]
+                let above = sin * line.viewer[1] + cos * line.height - self.near * self.offset;
+                self.is_lit(&line) && above > CLEARLY_LIT * line.from_origin
             };
             !line.is_some_and(clearly)
         })
@@ -49,21 +50,22 @@ impl SliceProjector<f32> {
             guard: self.guard,
             reach_squared: self.reach_squared,
             pixel_u: self.pixels[0],
-            grazing: self.grazing.min(f32::MAX),
+            grazing: self.bent.as_ref().map_or(self.grazing, |bent| bent.grazing).min(f32::MAX),
             pixel_v: self.pixels[1],
             settled,
             pixel_w: self.pixels[2],
             lit: u32::from(self.exact.projector_is_above),
             mirror_across: self.mirrors[0],
-            unused_a: 0,
+            bends: self.bent.as_ref().map_or(0, Bent::count),
             mirror_slope: self.mirrors[1],
-            unused_b: 0,
+            passing: self.bent.as_ref().map_or(0.0, |bent| bent.passing),
             mirror_w: self.mirrors[2],
             fold_squared: lens.map_or(f32::MAX, |lens| lens.fold_squared.min(f32::MAX)),
             principal: lens.map_or([0.0; 2], |lens| lens.principal),
             focal: lens.map_or([1.0; 2], |lens| lens.focal),
             radial: lens.map_or([0.0; 2], |lens| lens.radial),
-            unused: [0.0; 2],
+            bends_from: self.bent.as_ref().map_or([0.0; 2], |bent| bent.from),
+            bend: self.bent.as_ref().map_or([[0.0; 4]; BENDS], Bent::shared),
         }
     }
 }

@@ -4,7 +4,7 @@ use super::*;
 use crate::project::{SliceOptics, Visibility};
 use glam::DVec2;
 use proptest::prelude::*;
-use protocol::rig::Rig;
+use protocol::rig::{Rig, TrackedViewer};
 
 const N: usize = 32;
 
@@ -70,6 +70,7 @@ proptest! {
         method in prop::sample::select(vec![Method::Planar, Method::ConeNewton, Method::ConeRoot]),
         mut points in prop::array::uniform3(prop::array::uniform32(-0.1f32..0.1)), scale in prop::option::of(1e-3f32..30.0),
         odd in prop::array::uniform3(any::<f32>()),
+        viewers in prop::collection::vec((-30.0f64..30.0, 0.3f64..2.0, -0.5f64..1.2), 0..4),
     ) {
         let viewing = if infinite {
             format!("elevation_deg = {:?}", viewer_height * 10.0)
@@ -85,7 +86,16 @@ proptest! {
             .replace("[0.0, 0.6, 0.0]", &format!("[{:?}, {height:?}, {:?}]", position[0], position[2]))
             .replace("focal_px = 3072.0", &format!("focal_px = {focal:?}{radial}"));
         // A rig may be impossible; then it is refused.
-        let Ok(rig) = Rig::parse(&text) else { return Ok(()) };
+        let Ok(mut rig) = Rig::parse(&text) else { return Ok(()) };
+        if !infinite {
+            let around = rig.slice_angle(slice).to_degrees();
+            let viewer = |(aside, distance_m, height_m): &(f64, f64, f64)| TrackedViewer {
+                azimuth_deg: (around + aside) % 360.0,
+                distance_m: *distance_m,
+                height_m: *height_m,
+            };
+            rig.viewing.tracked = viewers.iter().map(viewer).collect();
+        }
         let theta = rig.slice_angle(slice);
         let frame = rig.mirror.face[0].frame(theta);
         let projector = rig.camera().position;
