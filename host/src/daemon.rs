@@ -2,6 +2,7 @@
 //! which keeps the state and tells the service manager.
 
 pub mod config;
+pub mod cuts;
 pub mod detail;
 pub mod eye;
 pub mod followed;
@@ -10,6 +11,7 @@ pub mod hub;
 pub mod latency;
 pub mod library;
 pub mod metrics;
+pub mod phase;
 pub mod rendering;
 pub mod show;
 pub mod stage;

@@ -54,6 +54,7 @@ pub struct Hub {
     orders: Mutex<VecDeque<Command>>,
     on_screen: Mutex<Option<Arc<Turn>>>,
     viewers: Mutex<Viewers>,
+    delay_s: Mutex<f64>,
     heartbeat: AtomicU64,
     stopping: AtomicBool,
     start: Instant,
@@ -77,6 +78,7 @@ impl Hub {
             orders: Mutex::default(),
             on_screen: Mutex::default(),
             viewers: Mutex::new(Viewers::new(tracking)),
+            delay_s: Mutex::default(),
             heartbeat: AtomicU64::new(0),
             stopping: AtomicBool::new(false),
             start: Instant::now(),
@@ -182,6 +184,16 @@ impl Hub {
     /// Looks at the viewers, or tells where one is.
     pub fn with_viewers<T>(&self, act: impl FnOnce(&mut Viewers) -> T) -> T {
         act(&mut lock(&self.viewers))
+    }
+
+    /// Turns are to be rendered so many seconds later than before, or sooner.
+    pub fn delay_turns(&self, seconds: f64) {
+        *lock(&self.delay_s) += seconds;
+    }
+
+    /// By how many seconds, since it was asked last.
+    pub fn take_delay_s(&self) -> f64 {
+        std::mem::take(&mut lock(&self.delay_s))
     }
 
     /// The thread that talks to the controller is alive.

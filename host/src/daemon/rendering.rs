@@ -1,5 +1,6 @@
 //! The thread that renders: what is wished for, once for each turn of the mirror, with as much detail as there is time for.
 
+use super::cuts::Cuts;
 use super::detail::Detail;
 use super::followed::Followed;
 use super::hub::{Hub, Picture};
@@ -73,6 +74,7 @@ pub struct Rendering {
     refused: Option<Cast>,
     /// The wish that the stage follows.
     followed: Option<Wish>,
+    cuts: Cuts,
     detail: Detail,
     turns: Vec<Arc<Turn>>,
     /// What stands there: what it is, and its turn.
@@ -103,6 +105,7 @@ impl Rendering {
             preparing: None,
             refused: None,
             followed: None,
+            cuts: Cuts::default(),
             detail: Detail::default(),
             turns: Vec::new(),
             last: None,
@@ -112,10 +115,11 @@ impl Rendering {
 
     /// Renders until the daemon ends.
     pub fn run(mut self) {
-        let (start, period) = (Instant::now(), 1.0 / self.rig.turns_per_second());
+        let (mut start, period) = (Instant::now(), 1.0 / self.rig.turns_per_second());
         let mut next = 0;
         while !self.hub.is_stopping() {
             self.mailbox.wait(STALE);
+            start = later(start, self.hub.take_delay_s());
             // At most one for each turn of the mirror.
             let early = next as f64 * period - start.elapsed().as_secs_f64();
             if early > 0.0 {
@@ -212,6 +216,7 @@ impl Rendering {
         }
         self.refused = None;
         self.detail = Detail::default();
+        self.cuts.clear();
         self.stage = Some(stage);
     }
 
@@ -266,11 +271,12 @@ impl Rendering {
         let lit = stage.at(wish, clip, *moment, self.rig.turns_per_second())?;
         let (rungs, candidate) = (stage.plans.len(), stage.plans[self.detail.rung().min(stage.plans.len() - 1)]);
         let rig = followed.around(&self.rig);
+        let (pieces, drawn) = self.cuts.of(lit, (stage, wish, *moment), &rig, plan)?;
         let mut turn = self.spare_turn(plan)?;
         let place = Arc::get_mut(&mut turn).ok_or_else(|| Failed("a turn in two hands".into()))?;
         let slices = self.changed(key, &rig, plan, place);
         let wanted = Wanted { slices: &slices, number: 0, done: &|| () };
-        self.renderer.prepare(&lit, &rig, plan)?.render(wanted, place)?;
+        self.renderer.prepare(&pieces, &rig, &drawn)?.render(wanted, place)?;
         let took = began.elapsed();
         let period = Duration::from_secs_f64(1.0 / self.rig.turns_per_second());
         // What stands still has all the time that it needs.
@@ -335,6 +341,11 @@ impl Rendering {
             }
         });
     }
+}
+
+fn later(time: Instant, seconds: f64) -> Instant {
+    let by = Duration::from_secs_f64(seconds.abs());
+    if seconds < 0.0 { time.checked_sub(by).unwrap_or(time) } else { time + by }
 }
 
 /// A turn without a scene.

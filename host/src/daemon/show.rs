@@ -3,6 +3,7 @@
 use super::config::FaultKeys;
 use super::hub::{Hub, Picture};
 use super::latency::Latency;
+use super::phase::Phase;
 use super::telemetry::EventKind;
 use super::wish::Wish;
 use crate::link::address::{Address, Way};
@@ -44,11 +45,13 @@ pub struct Show {
     /// Whether turns reach the projector as video: then the controller gets orders alone.
     by_video: bool,
     faults: FaultKeys,
-    sent: VecDeque<(u32, Picture)>,
+    /// Turns by their numbers, and since when the controller has them.
+    sent: VecDeque<(u32, Picture, Instant)>,
     on_screen: Option<u32>,
     marks: VecDeque<(Instant, u64, Statistics)>,
     told_at: Option<Instant>,
     latency: Latency,
+    phase: Phase,
     /// The fault that stands, and since when.
     fault: Option<(Fault, Instant)>,
     cleared: VecDeque<Instant>,
@@ -134,6 +137,7 @@ impl Show {
             marks: VecDeque::new(),
             told_at: None,
             latency: Latency::default(),
+            phase: Phase::default(),
             fault: None,
             cleared: VecDeque::new(),
             before: [0; 5],
@@ -216,7 +220,7 @@ impl Show {
             match display.step(&mut source)? {
                 Step::Delivered(ticket) => {
                     let picture = source.last.take();
-                    source.show.sent.extend(picture.map(|picture| (ticket.turn, picture)));
+                    source.show.sent.extend(picture.map(|picture| (ticket.turn, picture, Instant::now())));
                     while source.show.sent.len() > SENT {
                         source.show.sent.pop_front();
                     }
@@ -339,14 +343,16 @@ impl Show {
             return;
         }
         self.on_screen = number;
-        let picture = number.and_then(|number| self.sent.iter().find(|(sent, _)| *sent == number));
-        let (turn, seen_at) = match picture {
-            Some((_, picture)) => (Some(Arc::clone(&picture.planes.turn)), picture.seen_at),
-            None => (None, None),
-        };
-        if let Some(seen_at) = seen_at {
-            self.latency.observe(&self.hub, seen_at.elapsed());
-        }
+        let picture = number.and_then(|number| self.sent.iter().find(|(sent, ..)| *sent == number));
+        let turn = picture.map(|(_, picture, there_at)| {
+            if let Some(seen_at) = picture.seen_at {
+                self.latency.observe(&self.hub, seen_at.elapsed());
+            }
+            if let Some(seconds) = self.phase.after(there_at.elapsed()) {
+                self.hub.delay_turns(seconds);
+            }
+            Arc::clone(&picture.planes.turn)
+        });
         self.light(turn.is_some());
         self.hub.show(turn);
     }

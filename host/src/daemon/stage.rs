@@ -129,12 +129,21 @@ impl Stage {
             }
             _ => self.scene.at_rest().clone(),
         };
-        let degrees = match wish.animation {
-            Animation::Spin { degrees_per_turn } => (number as f64 * degrees_per_turn) % 360.0,
-            _ => 0.0,
-        };
-        let transform = Transform { yaw_deg: wish.transform.yaw_deg + degrees, ..wish.transform };
-        Ok(lit(&self.scene, scene, &transform))
+        let yaw_deg = wish.transform.yaw_deg + turned_deg(&wish.animation, number);
+        Ok(lit(&self.scene, scene, &Transform { yaw_deg, ..wish.transform }))
+    }
+
+    /// The scene as `transform` has it, before it moves, lit.
+    pub fn at_rest(&self, transform: &Transform) -> ShadedScene {
+        lit(&self.scene, self.scene.at_rest().clone(), transform)
+    }
+}
+
+/// How far `animation` has turned a scene in turn `number`, in degrees about the axis.
+pub fn turned_deg(animation: &Animation, number: u64) -> f64 {
+    match animation {
+        Animation::Spin { degrees_per_turn } => (number as f64 * degrees_per_turn) % 360.0,
+        Animation::Still | Animation::Clip { .. } => 0.0,
     }
 }
 

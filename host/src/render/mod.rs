@@ -12,6 +12,7 @@ pub mod live;
 pub mod mesh;
 pub mod pick;
 pub mod plan;
+pub mod precut;
 mod second_pass;
 mod sight;
 pub mod tessellate;

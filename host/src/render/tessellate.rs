@@ -31,9 +31,15 @@ const RESERVE: f64 = 1.05;
 ///
 /// Whether and where an edge is cut depends on the edge alone, so that both its triangles cut it alike and no crack opens.
 pub fn tessellate(scene: &ShadedScene, rig: &Rig, plan: &Plan) -> Result<Mesh, RenderError> {
+    cut(Mesh::new(scene), rig, plan, reach_m(rig))
+}
+
+/// The same for a mesh; what is left out lies farther from the axis than `reach_m` metres.
+pub fn cut(mesh: Mesh, rig: &Rig, plan: &Plan, reach_m: f64) -> Result<Mesh, RenderError> {
     let model = Method::from(plan.projection).model();
     let whole_m = whole_edge_m(rig);
-    let limit_m = |bow_px| edge_limit_m(rig, model, scene_radius_m(scene), bow_px).max(finest_edge_m(rig));
+    let radius_m = mesh.radius_m();
+    let limit_m = |bow_px| edge_limit_m(rig, model, radius_m, bow_px).max(finest_edge_m(rig));
     let rule = match plan.edges {
         Edges::Uniform => Rule { short_m: limit_m(plan.bow_px), whole_m, optics: None },
         Edges::Straight | Edges::Rays => {
@@ -46,9 +52,9 @@ pub fn tessellate(scene: &ShadedScene, rig: &Rig, plan: &Plan) -> Result<Mesh, R
             Rule { short_m: limit_m(0.75 * plan.bow_px), whole_m, optics: Some(optics) }
         }
     };
-    let Mesh { positions, triangles } = Mesh::new(scene);
+    let Mesh { positions, triangles } = mesh;
     let mesh = Mesh { positions, triangles: Vec::with_capacity(triangles.len()) };
-    let mut cutter = Cutter { rule, reach_m: reach_m(rig), mesh, tracks: HashMap::new(), edges: HashMap::new() };
+    let mut cutter = Cutter { rule, reach_m, mesh, tracks: HashMap::new(), edges: HashMap::new() };
     for triangle in &triangles {
         cutter.add(triangle);
         if cutter.mesh.triangles.len() > TRIANGLES_MAX {
@@ -59,11 +65,6 @@ pub fn tessellate(scene: &ShadedScene, rig: &Rig, plan: &Plan) -> Result<Mesh, R
         }
     }
     Ok(cutter.mesh)
-}
-
-fn scene_radius_m(scene: &ShadedScene) -> f64 {
-    let corners = scene.triangles.iter().flat_map(|triangle| triangle.positions);
-    f64::from(corners.map(|position| position.length_squared()).fold(0.0, f32::max)).sqrt()
 }
 
 /// Which edges are cut.

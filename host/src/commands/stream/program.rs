@@ -4,10 +4,12 @@ use super::{Args, Motion, Picture};
 use crate::commands::args::{busy, filling_extent_m};
 use crate::commands::{Failure, warn};
 use crate::halftoned::Halftoned;
+use crate::render::bow::reach_m;
 use crate::render::plan::{Halftone, Plan};
+use crate::render::precut::Precut;
 use crate::render::turn::Turn;
 use crate::render::{Renderer, Wanted, dark_turn};
-use crate::scene::{Animated, BUILTIN, Scene, Shading, shade};
+use crate::scene::{Animated, BUILTIN, Scene, ShadedScene, Shading, shade};
 use crate::stream::mailbox::Mailbox;
 use protocol::rig::Rig;
 use std::sync::Arc;
@@ -25,6 +27,8 @@ struct Act {
     /// Degrees that it turns in a turn of the mirror.
     spin_deg: f64,
     plan: Plan,
+    /// Its cuts, where they stay the same while it moves.
+    cut: Option<Precut>,
 }
 
 /// Scenes, each for so many turns of the mirror.
@@ -90,7 +94,7 @@ impl Program {
     ) -> Result<Picture, Failure> {
         let (act, moment) = self.moment(number);
         let act = &self.acts[act];
-        let lit = shade(&act.at(moment, self.turns_per_second)?, Shading::Lambert, false);
+        let (pieces, plan) = act.pieces(moment, self.turns_per_second)?;
         let free = kept.iter().position(|turn| Arc::strong_count(turn) == 1);
         let mut turn = match free {
             Some(free) => kept.swap_remove(free),
@@ -98,7 +102,7 @@ impl Program {
         };
         let slices: Vec<_> = (0..rig.rotation.slices).collect();
         let wanted = Wanted { slices: &slices, number: 0, done: &|| () };
-        renderer.prepare(&lit, rig, &act.plan)?.render(wanted, Arc::make_mut(&mut turn))?;
+        renderer.prepare(&pieces, rig, &plan)?.render(wanted, Arc::make_mut(&mut turn))?;
         kept.push(Arc::clone(&turn));
         Ok(Halftoned { turn, halftone: act.plan.halftone, number: 0 })
     }
@@ -168,7 +172,11 @@ impl Act {
             return Err(Failure("--halftone grey: a projector shows bits; allowed is any other".into()));
         }
         let spin_deg = if motion == Some(Motion::Spin) { args.spin_deg } else { 0.0 };
-        Ok(Self { name: name.into(), scene, clip, spin_deg, plan })
+        let mut cut = if clip.is_none() && spin_deg != 0.0 { Precut::new(&lit, &plan, reach_m(rig)) } else { None };
+        if let Some(cut) = &mut cut {
+            cut.refine(rig)?;
+        }
+        Ok(Self { name: name.into(), scene, clip, spin_deg, plan, cut })
     }
 
     /// That it has no such clip, and which it has.
@@ -183,6 +191,19 @@ impl Act {
         self.clip.is_some() || self.spin_deg != 0.0
     }
 
+    /// What is drawn in turn `number` of a mirror that turns so often a second, and by which plan.
+    fn pieces(&self, number: u64, turns_per_second: f64) -> Result<(ShadedScene, Plan), Failure> {
+        let lit = shade(&self.at(number, turns_per_second)?, Shading::Lambert, false);
+        Ok(match &self.cut {
+            Some(cut) => (cut.of(&lit, self.turned_deg(number).to_radians()), cut.plan()),
+            None => (lit, self.plan),
+        })
+    }
+
+    fn turned_deg(&self, number: u64) -> f64 {
+        (number as f64 * self.spin_deg) % 360.0
+    }
+
     /// The scene in turn `number` of a mirror that turns so often a second.
     fn at(&self, number: u64, turns_per_second: f64) -> Result<Scene, Failure> {
         let scene = match self.clip {
@@ -194,7 +215,7 @@ impl Act {
             }
             None => self.scene.at_rest().clone(),
         };
-        let degrees = (number as f64 * self.spin_deg) % 360.0;
+        let degrees = self.turned_deg(number);
         Ok(if degrees == 0.0 { scene } else { scene.turned(degrees as f32) })
     }
 }

@@ -207,24 +207,47 @@ impl<F: Real> SliceProjector<F> {
         self.bent.is_some()
     }
 
-    /// The first of the parts of [`SliceProjector::vertex`] without a branch. Between them come steps.
+    /// How many parts come first: the planar line is one of them on a circle, and several where viewers are on a bent piece (`BENT`, as
+    /// [`SliceProjector::is_bent`] says).
+    pub(super) const fn first_parts<const BENT: bool>() -> usize {
+        if BENT { Bent::<F>::PLANAR_PARTS } else { 1 }
+    }
+
+    /// The first of the parts of [`SliceProjector::vertex`] without a branch, in order. Between them and the last come steps.
     #[inline(always)]
-    pub(super) fn first_part(&self, point: [F; 3]) -> Course<F> {
-        self.start(&self.place(point))
+    pub(super) fn first_part<const BENT: bool>(&self, point: [F; 3], part: usize, course: Course<F>) -> Course<F> {
+        let place = self.place(point);
+        match &self.bent {
+            Some(bent) if BENT => bent.start(self, &place, part, course),
+            _ => self.start(&place),
+        }
     }
 
     /// A step toward the cone's line.
     #[inline(always)]
-    pub(super) fn next_part(&self, point: [F; 3], course: Course<F>, settled: F) -> Course<F> {
-        self.advance(&self.place(point), course, settled)
+    pub(super) fn next_part<const BENT: bool>(&self, point: [F; 3], course: Course<F>, settled: F) -> Course<F> {
+        let place = self.place(point);
+        match &self.bent {
+            Some(bent) if BENT => bent.advance(self, &place, course, settled),
+            _ => self.advance(&place, course, settled),
+        }
     }
 
     /// The last part. With `CONE` it asks for the cone's line.
     #[inline(always)]
-    pub(super) fn last_part<const CONE: bool>(&self, point: [F; 3], course: Course<F>, settled: F) -> Trial<F> {
+    pub(super) fn last_part<const BENT: bool, const CONE: bool>(
+        &self,
+        point: [F; 3],
+        course: Course<F>,
+        settled: F,
+    ) -> Trial<F> {
         let place = self.place(point);
-        let (line, is_reached) =
-            if CONE { self.arrive(&place, &course, settled) } else { (self.search(&place, &course).line, true) };
+        let (line, is_reached) = match (&self.bent, CONE) {
+            (Some(bent), true) if BENT => bent.arrive(self, &place, &course, settled),
+            (Some(bent), false) if BENT => (bent.begun(self, &place, &course), true),
+            (_, true) => self.arrive(&place, &course, settled),
+            (_, false) => (self.search(&place, &course).line, true),
+        };
         let (pixel, is_imaged) = self.pixel(line.mirror);
         let is_near = course.marks & NEAR != 0;
         let is_sure = (course.marks & SOUND != 0) & (is_reached | !is_near);

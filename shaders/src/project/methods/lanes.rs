@@ -60,10 +60,13 @@ impl SliceProjector<f32> {
     #[inline(always)]
     pub fn vertices<const N: usize>(&self, points: [&[f32; N]; 3]) -> Lanes<N> {
         // So many steps settle every point on the panels of the built-in rigs, and of all tested ones but those with two roots.
-        let mut lanes = match self.method {
-            Method::Planar => self.trials::<0, N>(points, self.settled),
-            Method::ConeNewton | Method::ConeTable => self.trials::<2, N>(points, self.settled),
-            Method::ConeRoot => self.trials::<3, N>(points, self.root_settled()),
+        let mut lanes = match (self.is_bent(), self.method) {
+            (false, Method::Planar) => self.trials::<false, 0, N>(points, self.settled),
+            (false, Method::ConeNewton | Method::ConeTable) => self.trials::<false, 2, N>(points, self.settled),
+            (false, Method::ConeRoot) => self.trials::<false, 3, N>(points, self.root_settled()),
+            (true, Method::Planar) => self.trials::<true, 0, N>(points, self.settled),
+            (true, Method::ConeNewton | Method::ConeTable) => self.trials::<true, 2, N>(points, self.settled),
+            (true, Method::ConeRoot) => self.trials::<true, 3, N>(points, self.root_settled()),
         };
         if lanes.state.iter().fold(0, |all, state| all | state) & UNSURE != 0 {
             self.ask_again(points, &mut lanes);
@@ -74,26 +77,37 @@ impl SliceProjector<f32> {
     /// Part by part for all lanes, so that a processor finds other lanes' work while some wait for a root or a quotient: the cone
     /// takes 4.1 ns a vertex with AVX-512 where it took 5.7 when lanes went their whole way at once.
     #[inline(always)]
-    fn trials<const STEPS: usize, const N: usize>(&self, points: [&[f32; N]; 3], settled: f32) -> Lanes<N> {
+    fn trials<const BENT: bool, const STEPS: usize, const N: usize>(
+        &self,
+        points: [&[f32; N]; 3],
+        settled: f32,
+    ) -> Lanes<N> {
         let mut lanes = Lanes { pixel: [[0.0; N]; 2], depth_m: [0.0; N], state: [0; N] };
         let mut courses = Courses { numbers: [[0.0; N]; 5], marks: [0; N] };
         let point = |lane| points.map(|axis| axis[lane]);
-        if STEPS == 0 {
+        if STEPS == 0 && !BENT {
             for lane in 0..N {
-                lanes.set(lane, self.last_part::<false>(point(lane), self.first_part(point(lane)), settled));
+                let course = self.first_part::<BENT>(point(lane), 0, courses.get(lane));
+                lanes.set(lane, self.last_part::<BENT, false>(point(lane), course, settled));
             }
             return lanes;
         }
-        for lane in 0..N {
-            courses.set(lane, self.first_part(point(lane)));
+        for part in 0..Self::first_parts::<BENT>() {
+            for lane in 0..N {
+                courses.set(lane, self.first_part::<BENT>(point(lane), part, courses.get(lane)));
+            }
         }
         for _ in 0..STEPS {
             for lane in 0..N {
-                courses.set(lane, self.next_part(point(lane), courses.get(lane), settled));
+                courses.set(lane, self.next_part::<BENT>(point(lane), courses.get(lane), settled));
             }
         }
         for lane in 0..N {
-            lanes.set(lane, self.last_part::<true>(point(lane), courses.get(lane), settled));
+            let trial = match STEPS {
+                0 => self.last_part::<BENT, false>(point(lane), courses.get(lane), settled),
+                _ => self.last_part::<BENT, true>(point(lane), courses.get(lane), settled),
+            };
+            lanes.set(lane, trial);
         }
         lanes
     }

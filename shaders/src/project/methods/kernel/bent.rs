@@ -2,7 +2,7 @@
 //! half the azimuth in the mirror's frame, from which all else follows by few operations.
 
 use super::super::Real;
-use super::lines::CANCELLATION;
+use super::lines::{CANCELLATION, Course};
 use super::{Line, Place, SliceProjector};
 use crate::project::SliceOptics;
 use crate::wgsl::BENDS;
@@ -53,6 +53,44 @@ struct Stand<F> {
     moves: [F; 3],
     /// Radians for a step of the tangent of half the azimuth.
     turn: F,
+}
+
+/// Newton's method on its way.
+#[derive(Clone, Copy)]
+struct Search<F> {
+    half: F,
+    /// How fast the defect rose, as [`super::lines::Search::rise`].
+    rise: F,
+    /// The size of the last step in radians.
+    last: F,
+}
+
+impl<F: Real> Search<F> {
+    #[inline(always)]
+    fn from(half: F) -> Self {
+        Self { half, rise: F::zero(), last: F::of(0.5) }
+    }
+
+    #[inline(always)]
+    fn on(course: &Course<F>) -> Self {
+        let [half, rise, last, ..] = course.numbers;
+        Self { half, rise, last }
+    }
+
+    #[inline(always)]
+    fn course(&self, marks: i32) -> Course<F> {
+        Course { numbers: [self.half, self.rise, self.last, F::zero(), F::zero()], marks }
+    }
+}
+
+/// One of its steps.
+struct Step<F> {
+    /// The line before it.
+    line: Line<F>,
+    /// Whether that is the answer.
+    is_settled: bool,
+    converges: bool,
+    next: Search<F>,
 }
 
 /// Where the viewers of a slice are.
@@ -163,26 +201,42 @@ impl<F: Real> Bent<F> {
     /// The planar fan's line, and whether its digits do not cancel and it is the only one.
     #[inline]
     pub(super) fn planar_line(&self, slice: &SliceProjector<F>, place: &Place<F>) -> (Line<F>, bool) {
-        let away = [place.x - slice.image[0], place.z - slice.image[1]];
-        let square = away[0] * away[0] + away[1] * away[1];
-        let scale = square.sqrt().recip();
-        let [x, z] = away.map(|component| component * scale);
+        let (mut half, mut last) = (self.first_guess(slice, place), F::zero());
+        for _ in 0..PLANAR_STEPS {
+            [half, last] = self.planar_step(slice, place, half);
+        }
+        self.planar_end(slice, place, [half, last])
+    }
+
+    /// Where the planar fan's half line meets the circle on which the curve begins.
+    #[inline(always)]
+    fn first_guess(&self, slice: &SliceProjector<F>, place: &Place<F>) -> F {
+        let ([x, z], _) = slice.fan_of(place);
         let radius = self.from[0];
         let along = place.x * x + place.z * z;
-        let passing = place.x * z - place.z * x;
         let range = (along * along + (radius * radius - place.level_squared)).sqrt() - along;
-        let mut half = (place.x + range * x) / (radius + (place.z + range * z));
-        let mut last = F::zero();
-        for _ in 0..PLANAR_STEPS {
-            let Stand { at, moves, turn } = self.stand(half);
-            last = ((at[0] - place.x) * z - (at[2] - place.z) * x) / (moves[0] * z - moves[2] * x);
-            half = half - last / turn;
-        }
-        let line = self.line(slice, place, half, &self.stand(half));
+        (place.x + range * x) / (radius + (place.z + range * z))
+    }
+
+    /// One of Newton's steps to where it meets the curve, and its size in radians.
+    #[inline(always)]
+    fn planar_step(&self, slice: &SliceProjector<F>, place: &Place<F>, half: F) -> [F; 2] {
+        let ([x, z], _) = slice.fan_of(place);
+        let Stand { at, moves, turn } = self.stand(half);
+        let step = ((at[0] - place.x) * z - (at[2] - place.z) * x) / (moves[0] * z - moves[2] * x);
+        [half - step / turn, step]
+    }
+
+    /// The line after these steps, and whether it is the answer.
+    #[inline(always)]
+    fn planar_end(&self, slice: &SliceProjector<F>, place: &Place<F>, [half, last]: [F; 2]) -> (Line<F>, bool) {
+        let ([x, z], square) = slice.fan_of(place);
+        let passing = place.x * z - place.z * x;
+        let line = self.line_at(slice, place, half);
         let range = line.toward[0] * x + line.toward[2] * z;
         let few = F::of(CANCELLATION);
         let is_sound = (few * few * square >= slice.image_squared + place.level_squared)
-            & (few * range >= radius)
+            & (few * range >= self.from[0])
             & (last.abs() < F::of(PLANAR_LAST * F::TOLERANCE_PX.sqrt()))
             & (half.abs() < F::one())
             & (passing * passing <= self.passing);
@@ -199,25 +253,100 @@ impl<F: Real> Bent<F> {
         planar: Line<F>,
         settled: F,
     ) -> Option<Line<F>> {
-        let (mut half, mut rise, mut last) = (planar.half, F::zero(), F::of(0.5));
+        let mut search = Search::from(planar.half);
         for _ in 0..CONE_STEPS {
-            let stand = self.stand(half);
-            let line = self.line(slice, place, half, &stand);
-            let defect = slice.defect(&line);
-            if defect.value.abs() < settled * rise {
-                return slice.is_steeper(place, &line, self.grazing).then_some(line);
+            let step = self.step(slice, place, &search, settled);
+            if step.is_settled {
+                return slice.is_steeper(place, &step.line, self.grazing).then_some(step.line);
             }
-            let slope = self.slope(slice, &line, stand.moves, [defect.across, defect.up, defect.inward]);
-            // As it is with the place across: a radian moves that by the place ahead.
-            rise = slope / (defect.outward * line.viewer[1]);
-            let step = defect.value / slope;
-            if !(rise > F::of(CANCELLATION.recip()) && step.abs() < last * F::of(0.25)) {
+            if !step.converges {
                 return None;
             }
-            last = step.abs();
-            half = half - step / stand.turn;
+            search = step.next;
         }
         None
+    }
+
+    /// One of Newton's steps.
+    #[inline(always)]
+    fn step(&self, slice: &SliceProjector<F>, place: &Place<F>, search: &Search<F>, settled: F) -> Step<F> {
+        let Search { half, rise, last } = *search;
+        let stand = self.stand(half);
+        let line = self.line(slice, place, half, &stand);
+        let defect = slice.defect(&line);
+        let is_settled = defect.value.abs() < settled * rise;
+        let slope = self.slope(slice, &line, stand.moves, [defect.across, defect.up, defect.inward]);
+        // As it is with the place across: a radian moves that by the place ahead.
+        let rise = slope / (defect.outward * line.viewer[1]);
+        let step = defect.value / slope;
+        let converges = (rise > F::of(CANCELLATION.recip())) & (step.abs() < last * F::of(0.25));
+        Step { line, is_settled, converges, next: Search { half: half - step / stand.turn, rise, last: step.abs() } }
+    }
+
+    /// As many parts lead to the planar line without a branch, one after the other.
+    pub(super) const PLANAR_PARTS: usize = PLANAR_STEPS + 2;
+
+    /// One of them.
+    #[inline(always)]
+    pub(super) fn start(
+        &self,
+        slice: &SliceProjector<F>,
+        place: &Place<F>,
+        part: usize,
+        course: Course<F>,
+    ) -> Course<F> {
+        let [half, last, ..] = course.numbers;
+        let on = |half, last, marks| Search { half, rise: last, last: F::zero() }.course(marks);
+        match part {
+            0 => on(self.first_guess(slice, place), F::zero(), 0),
+            _ if part <= PLANAR_STEPS => {
+                let [half, last] = self.planar_step(slice, place, half);
+                on(half, last, 0)
+            }
+            _ => {
+                let (planar, is_sound) = self.planar_end(slice, place, [half, last]);
+                Search::from(planar.half).course(slice.marks(&planar, is_sound))
+            }
+        }
+    }
+
+    /// One of the steps of [`Bent::newton`] without a branch.
+    #[inline(always)]
+    pub(super) fn advance(
+        &self,
+        slice: &SliceProjector<F>,
+        place: &Place<F>,
+        course: Course<F>,
+        settled: F,
+    ) -> Course<F> {
+        let Step { is_settled, converges, next, .. } = self.step(slice, place, &Search::on(&course), settled);
+        course.after(is_settled, converges, next.course(course.marks))
+    }
+
+    /// The line, and whether [`Bent::newton`] returns it.
+    #[inline(always)]
+    pub(super) fn arrive(
+        &self,
+        slice: &SliceProjector<F>,
+        place: &Place<F>,
+        course: &Course<F>,
+        settled: F,
+    ) -> (Line<F>, bool) {
+        let search = Search::on(course);
+        let line = self.line_at(slice, place, search.half);
+        let is_settled = slice.defect(&line).value.abs() < settled * search.rise;
+        (line, course.has_arrived(is_settled) & slice.is_steeper(place, &line, self.grazing))
+    }
+
+    /// The planar line of a course that has just begun.
+    #[inline(always)]
+    pub(super) fn begun(&self, slice: &SliceProjector<F>, place: &Place<F>, course: &Course<F>) -> Line<F> {
+        self.line_at(slice, place, Search::on(course).half)
+    }
+
+    #[inline(always)]
+    fn line_at(&self, slice: &SliceProjector<F>, place: &Place<F>, half: F) -> Line<F> {
+        self.line(slice, place, half, &self.stand(half))
     }
 
     /// As `o·e − i·e` rises with the azimuth of V', which moves by `moves`.

@@ -50,10 +50,10 @@ impl<F: Real> Search<F> {
     }
 }
 
-/// A [`Search`] as few numbers, for many to lie in lanes.
+/// A [`Search`], or one on a bent piece, as few numbers, for many to lie in lanes.
 #[derive(Clone, Copy)]
 pub(in super::super) struct Course<F> {
-    /// The line toward the viewer from above, its range, [`Search::rise`], [`Search::last`].
+    /// Of a [`Search`]: the line toward the viewer from above, its range, [`Search::rise`], [`Search::last`].
     pub numbers: [F; 5],
     /// [`NEAR`], [`SOUND`], [`SETTLED`], [`ASTRAY`].
     pub marks: i32,
@@ -69,6 +69,21 @@ const SETTLED: i32 = 4;
 const ASTRAY: i32 = 8;
 
 impl<F: Real> Course<F> {
+    /// Where a step leads to, `next`, if one is needed.
+    #[inline(always)]
+    pub(super) fn after(self, is_settled: bool, converges: bool, next: Self) -> Self {
+        let is_settled = (self.marks & SETTLED != 0) | is_settled;
+        let marks = self.marks | if is_settled { SETTLED } else { 0 };
+        let marks = marks | if is_settled | converges { 0 } else { ASTRAY };
+        Self { numbers: from_fn(|index| if is_settled { self.numbers[index] } else { next.numbers[index] }), marks }
+    }
+
+    /// Whether it ends at a line that is settled.
+    #[inline(always)]
+    pub(super) fn has_arrived(&self, is_settled: bool) -> bool {
+        ((self.marks & SETTLED != 0) | is_settled) & (self.marks & ASTRAY == 0)
+    }
+
     #[inline(always)]
     fn of(search: &Search<F>, marks: i32) -> Self {
         let Search { line, rise, last } = *search;
@@ -90,10 +105,7 @@ impl<F: Real> SliceProjector<F> {
     /// The same with whether the digits do not cancel.
     #[inline(always)]
     pub(super) fn planar_line(&self, place: &Place<F>) -> (Line<F>, bool) {
-        let away = [place.x - self.image[0], place.z - self.image[1]];
-        let square = away[0] * away[0] + away[1] * away[1];
-        let scale = square.sqrt().recip();
-        let [x, z] = away.map(|component| component * scale);
+        let ([x, z], square) = self.fan_of(place);
         let [radius, ..] = self.circle;
         let along = self.near * (place.x * x + place.z * z);
         let within = radius * radius - self.near * place.level_squared;
@@ -102,6 +114,15 @@ impl<F: Real> SliceProjector<F> {
         let few = F::of(CANCELLATION);
         let is_sound = (few * few * square >= self.image_squared + place.level_squared) & (few * range >= radius);
         (line, is_sound & self.is_steep(place, &line))
+    }
+
+    /// Seen from above, the direction from P' to a point, and the square of its distance.
+    #[inline(always)]
+    pub(super) fn fan_of(&self, place: &Place<F>) -> ([F; 2], F) {
+        let away = [place.x - self.image[0], place.z - self.image[1]];
+        let square = away[0] * away[0] + away[1] * away[1];
+        let scale = square.sqrt().recip();
+        (away.map(|component| component * scale), square)
     }
 
     /// Whether a line is so steep to the mirror that the rounding of point and direction stays tolerable in M. Also false where a
@@ -258,8 +279,14 @@ impl<F: Real> SliceProjector<F> {
     #[inline(always)]
     pub(super) fn start(&self, place: &Place<F>) -> Course<F> {
         let (planar, is_sound) = self.planar_line(place);
+        Course::of(&Search::from(planar), self.marks(&planar, is_sound))
+    }
+
+    /// What a course begins with.
+    #[inline(always)]
+    pub(super) fn marks(&self, planar: &Line<F>, is_sound: bool) -> i32 {
         let near = if self.is_near(planar.mirror) { NEAR } else { 0 };
-        Course::of(&Search::from(planar), near | if is_sound { SOUND } else { 0 })
+        near | if is_sound { SOUND } else { 0 }
     }
 
     /// One of the steps of [`SliceProjector::newton`] without a branch.
@@ -268,19 +295,15 @@ impl<F: Real> SliceProjector<F> {
         let search = self.search(place, &course);
         let defect = self.defect(&search.line);
         let (next, converges) = self.step(place, &search, &defect);
-        let is_settled = (course.marks & SETTLED != 0) | search.is_settled(&defect, settled);
-        let marks = course.marks | if is_settled { SETTLED } else { 0 };
-        let marks = marks | if is_settled | converges { 0 } else { ASTRAY };
-        let next = Course::of(&next, marks).numbers;
-        Course { numbers: from_fn(|index| if is_settled { course.numbers[index] } else { next[index] }), marks }
+        course.after(search.is_settled(&defect, settled), converges, Course::of(&next, course.marks))
     }
 
     /// The line, and whether [`SliceProjector::newton`] returns it.
     #[inline(always)]
     pub(super) fn arrive(&self, place: &Place<F>, course: &Course<F>, settled: F) -> (Line<F>, bool) {
         let search = self.search(place, course);
-        let is_settled = (course.marks & SETTLED != 0) | search.is_settled(&self.defect(&search.line), settled);
-        (search.line, is_settled & (course.marks & ASTRAY == 0) & self.is_steep(place, &search.line))
+        let is_settled = search.is_settled(&self.defect(&search.line), settled);
+        (search.line, course.has_arrived(is_settled) & self.is_steep(place, &search.line))
     }
 
     #[inline(always)]
