@@ -2,7 +2,7 @@
 //! `RUSTFLAGS=-Ctarget-cpu=native` those of this machine, as a caller's `target_feature` gives them.
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use protocol::rig::{PlaneOrder, Rig};
+use protocol::rig::{PlaneOrder, Rig, TrackedViewer};
 use shaders::halftone::diffusion::{Kernel, Slices, diffuse_lanes};
 use shaders::halftone::{Blur, Halftone, Slot, halftone, plane_stride};
 use shaders::pack::pack;
@@ -22,17 +22,21 @@ fn vertices(criterion: &mut Criterion) {
     let points: [[f32; LANES]; 3] = core::array::from_fn(|axis| {
         core::array::from_fn(|lane| 0.1 * (fraction(1 + 3 * lane + 7 * axis + lane * lane) - 0.5))
     });
+    let mut followed = rig.clone();
+    followed.viewing.tracked = vec![TrackedViewer { azimuth_deg: 22.0, distance_m: 0.8, height_m: 0.5 }];
     let mut group = criterion.benchmark_group("vertices");
     group.throughput(Throughput::Elements(LANES as u64));
-    for method in [Method::Planar, Method::ConeNewton, Method::ConeRoot, Method::ConeTable] {
-        let projector = FaceOptics::<f32>::new(&rig, 0, method).slice(0.3);
-        group.bench_function(format!("{method:?} one by one"), |bencher| {
+    let methods = [Method::Planar, Method::ConeNewton, Method::ConeRoot, Method::ConeTable].map(|method| (method, ""));
+    for (method, how) in methods.into_iter().chain([(Method::Planar, ", bent"), (Method::ConeNewton, ", bent")]) {
+        let projector = FaceOptics::<f32>::new(if how.is_empty() { &rig } else { &followed }, 0, method).slice(0.3);
+        assert_eq!(projector.is_bent(), !how.is_empty());
+        group.bench_function(format!("{method:?} one by one{how}"), |bencher| {
             bencher.iter(|| {
                 let points = black_box(&points);
                 core::array::from_fn::<_, LANES, _>(|lane| projector.vertex(points.map(|axis| axis[lane])))
             });
         });
-        group.bench_function(format!("{method:?} in lanes"), |bencher| {
+        group.bench_function(format!("{method:?} in lanes{how}"), |bencher| {
             bencher.iter(|| {
                 let [x, y, z] = black_box(&points);
                 projector.vertices([x, y, z])

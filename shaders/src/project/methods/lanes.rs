@@ -56,7 +56,7 @@ impl SliceProjector<f32> {
     ///
     /// Written for the caller's vector instructions: without a branch, but for the few points that need another way. 32 lanes are
     /// fastest: 1.7 ns a vertex planar and 4.1 by Newton with AVX-512, 3.7 and 7.1 with AVX2, 7.0 and 15 with SSE2 alone; one by one
-    /// it is 25 and 63. Where the viewing curve is bent they are asked for one by one.
+    /// it is 25 and 63. On a bent piece of a curve they take a quarter of one by one (`cargo bench -p shaders vertices`).
     #[inline(always)]
     pub fn vertices<const N: usize>(&self, points: [&[f32; N]; 3]) -> Lanes<N> {
         // So many steps settle every point on the panels of the built-in rigs, and of all tested ones but those with two roots.
@@ -75,7 +75,8 @@ impl SliceProjector<f32> {
     }
 
     /// Part by part for all lanes, so that a processor finds other lanes' work while some wait for a root or a quotient: the cone
-    /// takes 4.1 ns a vertex with AVX-512 where it took 5.7 when lanes went their whole way at once.
+    /// takes 4.1 ns a vertex with AVX-512 where it took 5.7 when lanes went their whole way at once. The steps to the planar line of a bent
+    /// piece, as one part, were not vectorised at all.
     #[inline(always)]
     fn trials<const BENT: bool, const STEPS: usize, const N: usize>(
         &self,
