@@ -12,7 +12,7 @@ use hil_sim::simulator::Simulator;
 use hil_sim::world::Recording;
 use host::link::Connect;
 use host::link::sim::{Clock, Shared, SimConnect};
-use host::stream::live::{Live, Source, Step};
+use host::stream::live::{Live, Nothing, Source, Step};
 use host::stream::{StreamError, TurnPlanes};
 use protocol::codec::{Hint, ImageSize};
 use protocol::message::{Command, State};
@@ -294,24 +294,10 @@ fn locked(way: &Way, camera: &mut Camera) -> Live<Way, Picture> {
     live.command(Command::Start).unwrap();
     while live.status().is_none_or(|status| status.state != State::Locked) {
         assert!(live.now() < Duration::from_secs(20), "not in step: {:?}", live.status());
-        live.step(&mut Nothing).unwrap();
+        live.step(&mut Nothing::default()).unwrap();
     }
     camera.start = live.now();
     live
-}
-
-struct Nothing;
-
-impl Source for Nothing {
-    type Turn = Picture;
-
-    fn take(&mut self, _now: Duration) -> Option<Picture> {
-        None
-    }
-
-    fn has_newer(&mut self, _now: Duration) -> bool {
-        false
-    }
 }
 
 fn leg(seed: u64) -> Leg {
@@ -345,7 +331,7 @@ fn leg(seed: u64) -> Leg {
     // The last one comes on screen.
     let end = live.now() + Duration::from_millis(300);
     while live.now() < end {
-        live.step(&mut Nothing).unwrap();
+        live.step(&mut Nothing::default()).unwrap();
     }
     note(&mut leg, &live);
     let faults = rig.with(|line| line.counts());

@@ -13,7 +13,7 @@ use crate::render::Renderer;
 use crate::render::plan::Halftone;
 use crate::render::turn::Turn;
 use crate::rigs;
-use crate::stream::live::{Live, Progress, Source, Standby, Step};
+use crate::stream::live::{Live, Nothing, Progress, Source, Standby, Step};
 use crate::stream::mailbox::Mailbox;
 use meter::Meter;
 use program::Program;
@@ -205,7 +205,7 @@ fn show(args: &Args, display: &mut Display, source: &mut Watched<'_>) -> Result<
     }
     let until = display.now() + ON_SCREEN_WITHIN;
     while !display.shows_last() && display.is_connected() && display.now() < until {
-        step(args, display, &mut Nothing)?;
+        step(args, display, &mut Nothing::default())?;
     }
     Ok(())
 }
@@ -234,7 +234,7 @@ fn start(args: &Args, display: &mut Display) -> Result<(), Failure> {
 fn spin_up(args: &Args, display: &mut Display, source: &mut Watched<'_>) -> Result<(), Failure> {
     let began = display.now();
     while !source.is_over() && !display.status().is_some_and(|status| status.state.may_light()) {
-        step(args, display, &mut Nothing)?;
+        step(args, display, &mut Nothing::default())?;
         start(args, display)?;
         source.meter.spinning_up(display);
         if display.now().saturating_sub(began) > LOCK_WITHIN {
@@ -254,7 +254,7 @@ fn leave(args: &Args, display: &mut Display) -> Result<(), Failure> {
     if args.standby == StandbyArg::Attract && args.at_end == AtEnd::Leave {
         let until = display.now() + STANDBY_AFTER + Duration::from_secs(5);
         while !display.stands_by() && display.now() < until {
-            step(args, display, &mut Nothing)?;
+            step(args, display, &mut Nothing::default())?;
         }
     }
     if args.at_end == AtEnd::Stop {
@@ -287,20 +287,5 @@ impl Source for Watched<'_> {
 
     fn watch(&mut self, progress: &Progress) {
         self.meter.watch(progress, &self.mailbox);
-    }
-}
-
-/// A source without turns.
-struct Nothing;
-
-impl Source for Nothing {
-    type Turn = Picture;
-
-    fn take(&mut self, _now: Duration) -> Option<Picture> {
-        None
-    }
-
-    fn has_newer(&mut self, _now: Duration) -> bool {
-        false
     }
 }

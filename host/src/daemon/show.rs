@@ -8,7 +8,7 @@ use super::telemetry::EventKind;
 use super::wish::Wish;
 use crate::link::address::{Address, Way};
 use crate::link::sim::Simulated;
-use crate::stream::live::{Live, Progress, Source, Step, Totals};
+use crate::stream::live::{Live, Nothing, Progress, Source, Step, Totals};
 use crate::stream::mailbox::Mailbox;
 use crate::stream::{Statistics, StreamError};
 use protocol::codec::ImageSize;
@@ -95,21 +95,6 @@ impl Source for Taken<'_> {
         if !self.has_fault {
             self.show.hear(Some(&status), "", &self.totals, &progress.statistics);
         }
-    }
-}
-
-/// No turns.
-struct Nothing;
-
-impl Source for Nothing {
-    type Turn = Picture;
-
-    fn take(&mut self, _now: Duration) -> Option<Picture> {
-        None
-    }
-
-    fn has_newer(&mut self, _now: Duration) -> bool {
-        false
     }
 }
 
@@ -428,7 +413,7 @@ impl Show {
     fn end(&mut self, display: &mut Display) {
         let stopped = display.command(Command::Stop);
         let until = Instant::now() + RUN_OUT;
-        let mut source = Nothing;
+        let mut source = Nothing::default();
         let is_idle = |display: &Display| {
             display.status().is_some_and(|status| matches!(status.state, State::Idle | State::Fault))
         };

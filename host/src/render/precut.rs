@@ -1,7 +1,8 @@
 //! A scene whose edges are cut once, for as long as it stands still or turns about the axis, whoever looks at it.
 //!
-//! Cutting takes about as long as rendering a turn; where a scene turns about the axis, the same cuts serve in each of its turns, and a
-//! viewer who moves changes them only where the display was never seen from so far or so high before.
+//! Cutting is done by one thread for all slices together: for somebody who is followed it took longer than drawing the slices that they
+//! see. Where a scene turns about the axis the same cuts serve in each of its turns, and a viewer who moves changes them only where the
+//! display was never seen from so far or so high before.
 
 use super::RenderError;
 use super::mesh::{Mesh, Triangle};
@@ -154,6 +155,11 @@ mod tests {
         for rig in &rigs {
             let bow = bow_px(&pieces, rig);
             assert!(bow <= plan().bow_px, "{bow} px from {:?}", rig.viewing);
+        }
+        // Half a step of the grid on which viewers are.
+        for off in [-0.05, 0.05] {
+            let bow = bow_px(&pieces, &seen_from(0.6 + off, 0.5 + off));
+            assert!(bow <= plan().bow_px, "{bow} px {off} m off");
         }
         let triangles = pieces.triangles.len();
         cut.refine(&rigs[0]).unwrap();

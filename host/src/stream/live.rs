@@ -5,6 +5,7 @@ use crate::link::{Connect, Link, LinkError};
 use protocol::codec::ImageSize;
 use protocol::message::{Command, Faults, Reason, Status};
 use protocol::timing::Rotation;
+use std::marker::PhantomData;
 use std::time::Duration;
 
 /// How long a stream without a turn listens at once.
@@ -30,6 +31,28 @@ pub trait Source {
 
     /// Told every now and then how the turn that is under way does.
     fn watch(&mut self, _progress: &Progress) {}
+}
+
+/// A source that gives no turns.
+#[derive(Clone, Copy, Debug)]
+pub struct Nothing<T>(PhantomData<T>);
+
+impl<T> Default for Nothing<T> {
+    fn default() -> Self {
+        Self(PhantomData)
+    }
+}
+
+impl<T: TurnPlanes> Source for Nothing<T> {
+    type Turn = T;
+
+    fn take(&mut self, _now: Duration) -> Option<T> {
+        None
+    }
+
+    fn has_newer(&mut self, _now: Duration) -> bool {
+        false
+    }
 }
 
 /// How a turn that is under way does.
