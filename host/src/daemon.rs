@@ -5,13 +5,16 @@ pub mod config;
 pub mod cuts;
 pub mod detail;
 pub mod eye;
+pub mod focus;
 pub mod followed;
 pub mod http;
 pub mod hub;
 pub mod latency;
 pub mod library;
 pub mod metrics;
+pub mod painter;
 pub mod phase;
+pub mod recorder;
 pub mod rendering;
 pub mod show;
 pub mod stage;
@@ -23,6 +26,7 @@ pub mod wish;
 use crate::link::address::Address;
 use crate::link::sim::{Clock, Injector, Simulated};
 use crate::pattern::Pattern;
+use crate::recording::{Entry, Setup};
 use crate::render::pick::{Notice, pick};
 use crate::rigs;
 use crate::stream::mailbox::Mailbox;
@@ -40,6 +44,7 @@ use rendering::Rendering;
 use sd_notify::NotifyState;
 use show::Show;
 use state::{Left, State, Store};
+use std::collections::BTreeMap;
 use std::io;
 use std::net::{SocketAddr, TcpListener};
 use std::path::PathBuf;
@@ -167,6 +172,16 @@ impl Daemon {
             events: events.last().map_or(0, |event: &telemetry::Event| event.number),
             ..Telemetry::default()
         };
+        let setup = Setup {
+            version: env!("CARGO_PKG_VERSION").into(),
+            began_unix_ns: 0,
+            rig: Rig::clone(&rig),
+            device: address.to_string(),
+            seed: config.seed,
+            by_video: output != Output::Device,
+            triangles_max: config.upload.triangles_max,
+            heads: BTreeMap::new(),
+        };
         let tracking = rig.tracking.clone().unwrap_or_default();
         let hub = Arc::new(Hub::new(wish, telemetry, events, &tracking));
         if let Some(path) = damaged {
@@ -199,7 +214,8 @@ impl Daemon {
         let show = Show::new(Arc::clone(&hub), Arc::clone(&rig), address, simulated, to_send, by_video, config.faults);
         let followers =
             followed::listen(&hub, &tracking).map_err(|error| DaemonError::State("trackers".into(), error))?;
-        let door = Door::new(hub, rig, library, injector, token, listen, config.upload.bytes_max, display_radius_m);
+        let door =
+            Door::new(hub, rig, library, injector, token, listen, config.upload.bytes_max, display_radius_m, setup);
         let mut threads = vec![
             ("the thread that renders", spawn("render", move || rendering.run())?),
             ("the thread that talks to the controller", spawn("show", move || show.run())?),
@@ -234,6 +250,7 @@ impl Daemon {
             ended = threads.iter().find(|(_, thread)| thread.is_finished()).map(|(name, _)| *name);
             keeper.look();
             followed::tell(&hub, &followers);
+            hub.record(|| Entry::telemetry(&hub.telemetry()));
             if hub.silent_for() < DEAD {
                 let _ = sd_notify::notify(&[NotifyState::Watchdog]);
             }

@@ -26,6 +26,16 @@ pub fn read(path: &Path, bytes_max: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// The regular file at `path`, to be read piece by piece, and its length.
+pub fn open(path: &Path) -> io::Result<(File, u64)> {
+    let file = File::open(path)?;
+    let metadata = file.metadata()?;
+    if !metadata.is_file() {
+        return Err(io::Error::new(ErrorKind::InvalidInput, "not a regular file"));
+    }
+    Ok((file, metadata.len()))
+}
+
 /// Whether the file at `path` is a regular one that begins with `start`.
 pub fn begins_with(path: &Path, start: &[u8]) -> io::Result<bool> {
     if !fs::metadata(path)?.is_file() {

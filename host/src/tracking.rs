@@ -12,6 +12,7 @@ pub mod source;
 pub mod viewers;
 
 use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use thiserror::Error;
 
@@ -29,7 +30,7 @@ pub struct Pose {
 }
 
 /// A pose and when it came.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Reading {
     /// The viewer: the source's place in the rig's list times 256, and the sensor.
     pub viewer: u16,

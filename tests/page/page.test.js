@@ -2,7 +2,7 @@
 // CHROMIUM another browser. Pictures of the page are left in target/page.
 
 import assert from 'node:assert/strict';
-import { mkdirSync, writeFileSync } from 'node:fs';
+import { mkdirSync, readFileSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, afterEach, before, test } from 'node:test';
 import { fileURLToPath } from 'node:url';
@@ -265,6 +265,26 @@ test('the display follows the eye that is dragged', async () => {
   await page.uncheck('#follow');
   await until('nobody', async () => (await display.telemetry()).viewers.length === 0);
   await page.click('#default-place');
+});
+
+test('what happens is recorded, and stopped sooner', async () => {
+  const saved = async (stops) => {
+    const download = page.waitForEvent('download');
+    await page.click('#record');
+    if (stops) {
+      await until('some of it', async () => /MB/.test(await text('record-says')));
+      await page.click('#record');
+    }
+    return readFileSync(await (await download).path());
+  };
+  await page.selectOption('#record-seconds', '10');
+  for (const stops of [true, false]) {
+    const bytes = await saved(stops);
+    assert.equal(bytes.subarray(1, 5).toString('latin1'), 'MCAP');
+    assert.equal(bytes.subarray(-7, -3).toString('latin1') === 'MCAP', !stops);
+    assert.match(await text('record-says'), /^Saved/);
+    assert.equal(await text('record'), 'Record');
+  }
 });
 
 test('an answer that is late does not hide what was told since', async () => {

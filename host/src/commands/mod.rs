@@ -15,8 +15,10 @@ mod order;
 mod pattern;
 mod plan;
 mod project;
+mod record;
 mod register;
 mod render;
+mod replay;
 mod rig;
 mod run;
 mod scene;
@@ -64,6 +66,8 @@ enum Command {
     Pattern(pattern::Args),
     VerifyMarkers(pattern::VerifyArgs),
     Run(run::Args),
+    Record(record::Args),
+    Replay(replay::Args),
     Register(register::Args),
     Stream(stream::Args),
     Order(order::Args),
@@ -135,6 +139,8 @@ pub fn main() -> ExitCode {
         Command::Pattern(args) => pattern::run(&args),
         Command::VerifyMarkers(args) => pattern::verify(&args),
         Command::Run(args) => run::run(&args),
+        Command::Record(args) => record::run(&args),
+        Command::Replay(args) => replay::run(&args),
         Command::Register(args) => register::run(&args),
         Command::Order(args) => order::run(&args),
         Command::Stream(args) => stream::run(&args),

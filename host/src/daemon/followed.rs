@@ -4,7 +4,7 @@ use super::hub::Hub;
 use super::telemetry::SeenViewer;
 use crate::tracking::source::{Follower, State};
 use crate::tracking::{Refusal, Viewer};
-use protocol::rig::{Rig, TrackedViewer, Tracking, Viewers};
+use protocol::rig::{Rig, Tracking, Viewers};
 use std::io;
 use std::sync::Arc;
 use std::time::Duration;
@@ -22,10 +22,8 @@ pub fn listen(hub: &Arc<Hub>, tracking: &Tracking) -> io::Result<Vec<Follower>> 
         let hub = Arc::clone(hub);
         let epoch = hub.start();
         Follower::start(source, number, epoch, move |arrived| {
-            let taken = hub.with_viewers(|viewers| viewers.arrive(arrived));
-            match taken {
-                Ok(()) => hub.wake(),
-                Err(refusal) => tracing::debug!(reason = refusal.name(), "a tracker's reading is refused"),
+            if let Err(refusal) = hub.arrive(arrived) {
+                tracing::debug!(reason = refusal.name(), "a tracker's reading is refused");
             }
         })
     };
@@ -34,7 +32,7 @@ pub fn listen(hub: &Arc<Hub>, tracking: &Tracking) -> io::Result<Vec<Follower>> 
 
 /// Brings the trackers' states and counts to where people read them.
 pub fn tell(hub: &Hub, followers: &[Follower]) {
-    let counters = hub.with_viewers(|viewers| viewers.counters());
+    let counters = hub.viewer_counters();
     let readings = &hub.metrics.readings;
     let outcomes = Refusal::ALL.map(|reason| (reason.name(), counters.refused(reason)));
     for (outcome, count) in outcomes.into_iter().chain([("taken", counters.taken)]) {
@@ -69,7 +67,7 @@ impl Followed {
         let measured = hub.telemetry().latency_ms.map(|ms| Duration::from_secs_f64(ms / 1e3));
         let guessed = Duration::from_secs_f64(AHEAD_TURNS / rig.turns_per_second());
         let light = hub.start().elapsed() + measured.unwrap_or(guessed).min(AHEAD_MAX);
-        let now = Self { viewers: hub.with_viewers(|viewers| viewers.at(light)) };
+        let now = Self { viewers: hub.viewers_at(light) };
         if now.is_near(before) { before.clone() } else { now }
     }
 
@@ -82,18 +80,13 @@ impl Followed {
         self.viewers.len() == other.viewers.len() && self.viewers.iter().zip(&other.viewers).all(near)
     }
 
-    /// `rig` with them around it, beside whom its file has.
-    pub fn around(&self, rig: &Rig) -> Rig {
-        let mut rig = rig.clone();
-        rig.viewing.tracked.extend(self.viewers.iter().map(tracked));
-        rig
-    }
-
-    /// For people.
+    /// For people and pictures.
     pub fn seen(&self) -> Vec<SeenViewer> {
-        let seen = |viewer: &Viewer| {
-            let TrackedViewer { azimuth_deg, distance_m, height_m } = tracked(viewer);
-            SeenViewer { id: viewer.id, azimuth_deg, distance_m, height_m }
+        let seen = |&Viewer { id, azimuth, distance_m, height_m, .. }: &Viewer| SeenViewer {
+            id,
+            azimuth_deg: azimuth.to_degrees(),
+            distance_m,
+            height_m,
         };
         self.viewers.iter().map(seen).collect()
     }
@@ -104,15 +97,11 @@ impl Followed {
     }
 }
 
-fn tracked(viewer: &Viewer) -> TrackedViewer {
-    let Viewer { azimuth, distance_m, height_m, .. } = *viewer;
-    TrackedViewer { azimuth_deg: azimuth.to_degrees(), distance_m, height_m }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use glam::DVec3;
+    use protocol::rig::TrackedViewer;
 
     fn followed(azimuth_deg: f64, height_m: f64) -> Followed {
         let viewer = Viewer {
@@ -137,8 +126,9 @@ mod tests {
     #[test]
     fn they_stand_around_the_rig() {
         let rig = crate::rigs::find("reference").unwrap();
-        let around = followed(10.0, 0.6).around(&rig);
-        assert_eq!(around.viewing.tracked, [TrackedViewer { azimuth_deg: 10.0, distance_m: 0.9, height_m: 0.6 }]);
-        assert_eq!(Followed::default().around(&rig), rig);
+        let around = |followed: Followed| crate::daemon::painter::around(&rig, &followed.seen());
+        let tracked = TrackedViewer { azimuth_deg: 10.0, distance_m: 0.9, height_m: 0.6 };
+        assert_eq!(around(followed(10.0, 0.6)).viewing.tracked, [tracked]);
+        assert_eq!(around(Followed::default()), rig);
     }
 }

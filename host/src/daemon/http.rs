@@ -2,6 +2,7 @@
 
 mod guard;
 mod page;
+mod recording;
 mod routes;
 mod telling;
 
@@ -9,6 +10,7 @@ use super::eye::Place;
 use super::hub::Hub;
 use super::library::Library;
 use crate::link::sim::Injector;
+use crate::recording::Setup;
 use axum::extract::DefaultBodyLimit;
 use axum::http::StatusCode;
 use axum::middleware::from_fn_with_state;
@@ -31,6 +33,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 const LINGER: Duration = Duration::from_secs(2);
 /// Pages that are told at the same time.
 const LISTENERS: usize = 64;
+/// Recordings that are made at the same time.
+const RECORDINGS: usize = 4;
 
 /// What answers need.
 pub struct Door {
@@ -50,11 +54,14 @@ pub struct Door {
     pub upload_bytes_max: usize,
     /// Half the height of what the display shows, in metres.
     pub display_radius_m: f64,
+    /// With what recordings begin.
+    pub setup: Setup,
     /// One picture is made at a time: the turns need the cores.
     pictures: Semaphore,
     /// One upload is read at a time.
     uploads: Semaphore,
     listeners: Arc<Semaphore>,
+    recordings: Arc<Semaphore>,
 }
 
 impl Door {
@@ -69,9 +76,10 @@ impl Door {
         listen: SocketAddr,
         upload_bytes_max: usize,
         display_radius_m: f64,
+        setup: Setup,
     ) -> Arc<Self> {
         let (pictures, uploads) = (Semaphore::new(1), Semaphore::new(1));
-        let listeners = Arc::new(Semaphore::new(LISTENERS));
+        let [listeners, recordings] = [LISTENERS, RECORDINGS].map(|places| Arc::new(Semaphore::new(places)));
         Arc::new(Self {
             hub,
             rig,
@@ -81,9 +89,11 @@ impl Door {
             listen,
             upload_bytes_max,
             display_radius_m,
+            setup,
             pictures,
             uploads,
             listeners,
+            recordings,
         })
     }
 }

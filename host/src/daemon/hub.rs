@@ -1,17 +1,22 @@
 //! What the daemon's threads share: the wish, what is known, what happened.
 
 use super::metrics::Metrics;
+use super::recorder::Recorders;
 use super::telemetry::{Event, EventKind, Telemetry};
 use super::wish::Wish;
 use crate::halftoned::Halftoned;
+use crate::recording::file::Timed;
+use crate::recording::{Arrived, Entry, Expected, Eye, Setup};
 use crate::render::turn::Turn;
 use crate::stream::TurnPlanes;
-use crate::tracking::Viewers;
+use crate::tracking::viewers::Counters;
+use crate::tracking::{ParseError, Reading, Refusal, Viewer, Viewers};
 use protocol::codec::Hint;
 use protocol::message::Command;
 use protocol::rig::Tracking;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -25,6 +30,8 @@ pub struct Picture {
     pub planes: Halftoned<Arc<Turn>>,
     /// When the newest of the tracker's readings was taken by which it was rendered, where that is news.
     pub seen_at: Option<Instant>,
+    /// Its number among those that were painted.
+    pub stroke: u64,
 }
 
 impl TurnPlanes for Picture {
@@ -58,6 +65,7 @@ pub struct Hub {
     heartbeat: AtomicU64,
     stopping: AtomicBool,
     start: Instant,
+    recorders: Recorders,
     /// What Prometheus asks for.
     pub metrics: Metrics,
 }
@@ -70,6 +78,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 impl Hub {
     /// At the start, with what was wished and what happened before.
     pub fn new(wish: Wish, telemetry: Telemetry, events: Vec<Event>, tracking: &Tracking) -> Self {
+        let start = Instant::now();
         Self {
             wish: Mutex::new((wish, 0)),
             changed: Condvar::new(),
@@ -81,7 +90,8 @@ impl Hub {
             delay_s: Mutex::default(),
             heartbeat: AtomicU64::new(0),
             stopping: AtomicBool::new(false),
-            start: Instant::now(),
+            start,
+            recorders: Recorders::new(start),
             metrics: Metrics::new(),
         }
     }
@@ -97,6 +107,7 @@ impl Hub {
         let changed = change(&wish.0)?;
         if changed != wish.0 {
             *wish = (changed, wish.1 + 1);
+            self.record(|| Entry::Wish(Box::new(wish.0.clone())));
             self.changed.notify_all();
         }
         Ok(wish.0.clone())
@@ -141,7 +152,9 @@ impl Hub {
             events.pop_front();
         }
         let unix_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |time| time.as_secs_f64());
-        events.push_back(Event { number, unix_s, kind, text });
+        let event = Event { number, unix_s, kind, text };
+        self.record(|| Entry::Event(event.clone()));
+        events.push_back(event);
         drop(events);
         self.tell(|telemetry| telemetry.events = number);
     }
@@ -181,9 +194,57 @@ impl Hub {
         self.start
     }
 
-    /// Looks at the viewers, or tells where one is.
-    pub fn with_viewers<T>(&self, act: impl FnOnce(&mut Viewers) -> T) -> T {
-        act(&mut lock(&self.viewers))
+    /// What came from trackers so far.
+    pub fn viewer_counters(&self) -> Counters {
+        lock(&self.viewers).counters()
+    }
+
+    /// Takes what a tracker's thread brings.
+    pub fn arrive(&self, arrived: Result<Reading, ParseError>) -> Result<(), Refusal> {
+        let mut viewers = lock(&self.viewers);
+        let what = arrived.as_ref().ok().copied();
+        let taken = viewers.arrive(arrived);
+        self.record(|| Entry::Reading(Arrived::new(what, taken)));
+        drop(viewers);
+        taken.inspect(|()| self.wake())
+    }
+
+    /// Takes where somebody says that an eye was.
+    pub fn arrive_eye(&self, eye: Eye) -> Result<(), Refusal> {
+        let mut viewers = lock(&self.viewers);
+        let taken = viewers.take_eye(eye.id, eye.position_m, eye.at);
+        self.record(|| Entry::Eye(Arrived::new(Some(eye), taken)));
+        drop(viewers);
+        taken.inspect(|()| self.wake())
+    }
+
+    /// Who is expected to be where when light leaves at `light_at`, since the daemon began.
+    pub fn viewers_at(&self, light_at: Duration) -> Vec<Viewer> {
+        let mut all = lock(&self.viewers);
+        let viewers = all.at(light_at);
+        if !viewers.is_empty() {
+            self.record(|| Entry::Viewers(Expected { light_at, viewers: viewers.clone() }));
+        }
+        viewers
+    }
+
+    /// Something happened: for those who record.
+    pub fn record(&self, entry: impl FnOnce() -> Entry) {
+        self.recorders.record(entry);
+    }
+
+    /// What happens from now on, after a first entry that `setup` makes of who is followed and when the daemon began.
+    pub fn begin_recording(&self, setup: impl FnOnce(&Viewers, u64) -> Setup) -> Receiver<Arc<Timed>> {
+        let viewers = lock(&self.viewers);
+        let recording = self.recorders.begin(Entry::Setup(Box::new(setup(&viewers, self.recorders.start_unix_ns()))));
+        drop(viewers);
+        self.wake();
+        recording
+    }
+
+    /// How many recordings there have been.
+    pub fn recordings(&self) -> u64 {
+        self.recorders.count()
     }
 
     /// Turns are to be rendered so many seconds later than before, or sooner.

@@ -152,10 +152,17 @@ impl Library {
         } else {
             name
         };
+        self.give_as(&name, path)?;
+        Ok(name)
+    }
+
+    /// Takes the file at `path` as the scene `name`, in place of what was given before.
+    pub fn give_as(&mut self, name: &str, path: &Path) -> Result<(), LibraryError> {
+        check_name(name)?;
         // Read now: what cannot be shown is refused before anything begins.
         Animated::load(path)?;
-        self.given = Some((name.clone(), fs::canonicalize(path)?));
-        Ok(name)
+        self.given = Some((name.into(), fs::canonicalize(path)?));
+        Ok(())
     }
 
     /// All scenes, by origin and name.

@@ -1,21 +1,19 @@
 //! The thread that renders: what is wished for, once for each turn of the mirror, with as much detail as there is time for.
 
-use super::cuts::Cuts;
 use super::detail::Detail;
+use super::focus::Focus;
 use super::followed::Followed;
 use super::hub::{Hub, Picture};
 use super::library::Library;
+use super::painter::{Failed, Key, Painter, View};
 use super::stage::{Cast, Stage, StageError, moves};
 use super::telemetry::EventKind;
 use super::wish::{Mode, Wish};
-use crate::halftoned::Halftoned;
-use crate::pattern::{Pattern, draw};
-use crate::render::live::slices_of_moved_viewers;
-use crate::render::plan::{Halftone, Plan};
-use crate::render::turn::Turn;
-use crate::render::{RenderError, Renderer, Wanted, dark_turn};
+use crate::recording::{Entry, Layer, Stroke};
+use crate::render::Renderer;
+use crate::render::live::slices_seen_by;
 use crate::stream::mailbox::Mailbox;
-use protocol::rig::Rig;
+use protocol::rig::{Rig, TrackedViewer};
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -28,57 +26,29 @@ const STALE: Duration = Duration::from_millis(250);
 const IDLE: Duration = Duration::from_millis(250);
 /// Rates are of so long a time.
 const WINDOW: Duration = Duration::from_secs(1);
-/// Turns that may be in somebody's hands: on screen, waiting, being sent, in the mailbox, being rendered.
-const TURNS: usize = 6;
-
-/// What makes a picture: the same key is the same picture.
-#[derive(Clone, Debug, PartialEq)]
-enum Key {
-    Dark,
-    Pattern(Pattern),
-    Scene { cast: Cast, wish: Box<Wish>, plan: Plan, moment: u64, followed: Followed },
-}
-
-impl Key {
-    /// Whether it is the same as `other` but for where viewers are.
-    fn is_of_same_scene(&self, other: &Self) -> bool {
-        match (self, other) {
-            (Self::Scene { followed, .. }, Self::Scene { cast, wish, plan, moment, .. }) => {
-                let (cast, wish, followed) = (cast.clone(), wish.clone(), followed.clone());
-                *self == Self::Scene { cast, wish, plan: *plan, moment: *moment, followed }
-            }
-            _ => false,
-        }
-    }
-
-    fn followed(&self) -> Option<&Followed> {
-        match self {
-            Self::Scene { followed, .. } => Some(followed),
-            Self::Dark | Self::Pattern(_) => None,
-        }
-    }
-}
-
 /// What the thread has at hand.
 pub struct Rendering {
     hub: Arc<Hub>,
     rig: Arc<Rig>,
     scenes: Arc<Library>,
-    renderer: Box<dyn Renderer>,
+    painter: Painter,
     mailbox: Mailbox<Picture>,
     display_radius_m: f64,
     triangles_max: usize,
-    stage: Option<Stage>,
     preparing: Option<(Cast, JoinHandle<Result<Stage, StageError>>)>,
     /// What was tried in vain: it is not tried again.
     refused: Option<Cast>,
     /// The wish that the stage follows.
     followed: Option<Wish>,
-    cuts: Cuts,
     detail: Detail,
-    turns: Vec<Arc<Turn>>,
-    /// What stands there: what it is, and its turn.
-    last: Option<(Key, Option<Arc<Turn>>)>,
+    focus: Focus,
+    /// What was painted last, or could not be.
+    tried: Option<Key>,
+    viewers: Followed,
+    /// Counts turns.
+    strokes: u64,
+    /// Which recordings were told what is on the stage.
+    recordings: u64,
     finished: VecDeque<Instant>,
 }
 
@@ -94,21 +64,22 @@ impl Rendering {
     ) -> Self {
         hub.tell(|telemetry| telemetry.renderer = renderer.name());
         Self {
+            painter: Painter::new(Arc::clone(&rig), renderer),
             hub,
             rig,
             scenes,
-            renderer,
             mailbox,
             display_radius_m,
             triangles_max: triangles_max as usize,
-            stage: None,
             preparing: None,
             refused: None,
             followed: None,
-            cuts: Cuts::default(),
             detail: Detail::default(),
-            turns: Vec::new(),
-            last: None,
+            focus: Focus::default(),
+            tried: None,
+            viewers: Followed::default(),
+            strokes: 0,
+            recordings: 0,
             finished: VecDeque::new(),
         }
     }
@@ -127,8 +98,9 @@ impl Rendering {
             }
             let (wish, version) = self.hub.wish();
             self.prepare(&wish);
+            self.tell_recordings();
             // Until another scene is ready the one that stands there goes on as it was.
-            if self.stage.as_ref().is_none_or(|stage| stage.cast.scene() == wish.scene) {
+            if self.painter.stage().is_none_or(|stage| stage.cast.scene() == wish.scene) {
                 self.followed = Some(wish.clone());
             }
             let wish = match &self.followed {
@@ -138,35 +110,39 @@ impl Rendering {
                 None => wish,
             };
             let number = next.max((start.elapsed().as_secs_f64() / period) as u64);
-            let viewers = self.viewers();
-            let key = self.key(&wish, number, viewers);
-            let Some(key) = key.filter(|key| self.last.as_ref().is_none_or(|(last, _)| last != key)) else {
+            self.follow();
+            let key = self.key(&wish, number);
+            let Some(key) = key.filter(|key| self.tried.as_ref() != Some(key)) else {
                 self.hub.wait_for_change(version, if self.preparing.is_some() { IDLE / 10 } else { IDLE });
                 continue;
             };
             next = number + 1;
-            let rendered = catch_unwind(AssertUnwindSafe(|| self.render(&key, number)));
-            let turn = match rendered.unwrap_or_else(|_| Err(Failed("the renderer failed".into()))) {
-                Ok(picture) => {
-                    let turn = Arc::clone(&picture.planes.turn);
-                    self.mailbox.offer(picture);
-                    Some(turn)
-                }
-                Err(Failed(reason)) => {
-                    self.fail(&wish, reason);
-                    None
-                }
-            };
-            self.last = Some((key, turn));
+            let due = Duration::from_secs_f64(next as f64 * period).saturating_sub(start.elapsed());
+            let rendered = catch_unwind(AssertUnwindSafe(|| self.render(&key, Instant::now() + due)));
+            if let Err(Failed(reason)) = rendered.unwrap_or_else(|_| Err(Failed("the renderer failed".into()))) {
+                self.fail(&wish, reason);
+            }
+            self.tried = Some(key);
         }
     }
 
-    /// Who is there now.
-    fn viewers(&self) -> Followed {
-        let before = self.last.as_ref().and_then(|(key, _)| key.followed().cloned()).unwrap_or_default();
-        let now = Followed::now(&self.hub, &self.rig, &before);
-        self.hub.tell(|telemetry| telemetry.viewers = now.seen());
-        now
+    /// Sees who is there now.
+    fn follow(&mut self) {
+        self.viewers = Followed::now(&self.hub, &self.rig, &self.viewers);
+        self.hub.tell(|telemetry| telemetry.viewers = self.viewers.seen());
+    }
+
+    /// A recording that has begun is told what is on the stage, and what follows depends on nothing before.
+    fn tell_recordings(&mut self) {
+        let recordings = self.hub.recordings();
+        if recordings != self.recordings {
+            self.recordings = recordings;
+            self.painter.begin_anew();
+            self.tried = None;
+            if let Some(stage) = self.painter.stage() {
+                self.hub.record(|| Entry::Stage(stage.cast.clone()));
+            }
+        }
     }
 
     /// Begins to prepare what is wished for, where it is not there, and takes what is ready.
@@ -186,11 +162,11 @@ impl Rendering {
             }
         }
         let cast = Cast::of(wish);
-        let is_there = self.stage.as_ref().is_some_and(|stage| stage.cast == cast);
+        let is_there = self.painter.stage().is_some_and(|stage| stage.cast == cast);
         if is_there || self.preparing.is_some() || self.refused.as_ref() == Some(&cast) {
             return;
         }
-        let (library, rig, before) = (Arc::clone(&self.scenes), Arc::clone(&self.rig), self.stage.clone());
+        let (library, rig, before) = (Arc::clone(&self.scenes), Arc::clone(&self.rig), self.painter.stage().cloned());
         let (radius, triangles_max, wanted) = (self.display_radius_m, self.triangles_max, cast.clone());
         if before.as_ref().is_none_or(|before| before.cast.scene() != cast.scene()) {
             self.hub.tell(|telemetry| telemetry.loading = Some(cast.scene().into()));
@@ -201,7 +177,7 @@ impl Rendering {
     }
 
     fn take(&mut self, stage: Stage) {
-        let is_new = self.stage.as_ref().is_none_or(|before| before.cast.scene() != stage.cast.scene());
+        let is_new = self.painter.stage().is_none_or(|before| before.cast.scene() != stage.cast.scene());
         self.hub.tell(|telemetry| {
             (telemetry.loading, telemetry.scene_error) = (None, None);
             telemetry.scene = Some(stage.cast.scene().into());
@@ -215,9 +191,9 @@ impl Rendering {
             }
         }
         self.refused = None;
-        self.detail = Detail::default();
-        self.cuts.clear();
-        self.stage = Some(stage);
+        (self.detail, self.focus, self.tried) = (Detail::default(), Focus::default(), None);
+        self.hub.record(|| Entry::Stage(stage.cast.clone()));
+        self.painter.set_stage(stage);
     }
 
     /// What is wished for cannot be shown: what stood there stays.
@@ -239,93 +215,104 @@ impl Rendering {
     }
 
     /// What is to be seen in turn `number`; nothing where it is what stood there before, or not ready.
-    fn key(&self, wish: &Wish, number: u64, followed: Followed) -> Option<Key> {
+    fn key(&self, wish: &Wish, number: u64) -> Option<Key> {
         match wish.mode {
             Mode::Freeze => None,
             Mode::Blank => Some(Key::Dark),
             Mode::Pattern => Some(Key::Pattern(wish.pattern)),
             Mode::Scene => {
-                let stage = self.stage.as_ref()?;
                 // A transform is followed at once, by the plan that there is; another scene when it is ready.
-                let rung = self.detail.rung().min(stage.plans.len() - 1);
-                let plan = Plan { halftone: wish.halftone, ..stage.plans[rung].plan };
+                let rung = self.detail.rung().min(self.painter.stage()?.plans.len() - 1);
                 let moment = if moves(&wish.animation) { number } else { 0 };
-                let (cast, wish) = (stage.cast.clone(), Box::new(wish.clone()));
-                Some(Key::Scene { cast, wish, plan, moment, followed })
+                let view = View { wish: wish.clone(), rung, moment, viewers: self.viewers.seen() };
+                Some(Key::Scene(Box::new(view)))
             }
         }
     }
 
-    fn render(&mut self, key: &Key, number: u64) -> Result<Picture, Failed> {
-        let (wish, plan, moment, followed) = match key {
-            Key::Scene { wish, plan, moment, followed, .. } => (wish, plan, moment, followed),
-            Key::Dark => {
-                let plan = Plan { halftone: Halftone::BlueNoise, ..Plan::default() };
-                return Ok(plain(dark_turn(&self.rig, &plan)?));
-            }
-            Key::Pattern(pattern) => return Ok(plain(draw(&self.rig, *pattern)?)),
-        };
+    /// Renders and offers what `key` says; the next turn is `due`.
+    fn render(&mut self, key: &Key, due: Instant) -> Result<(), Failed> {
+        let seen = self.focus_on(key);
+        if seen.is_none() {
+            self.painter.leave_ahead();
+        }
+        let slices = seen.clone().unwrap_or_else(|| self.painter.changed(key));
         let began = Instant::now();
-        let stage = self.stage.as_ref().ok_or_else(|| Failed("there is no scene".into()))?;
-        let clip = stage.clip(&wish.animation)?;
-        let lit = stage.at(wish, clip, *moment, self.rig.turns_per_second())?;
-        let (rungs, candidate) = (stage.plans.len(), stage.plans[self.detail.rung().min(stage.plans.len() - 1)]);
-        let rig = followed.around(&self.rig);
-        let (pieces, drawn) = self.cuts.of(lit, (stage, wish, *moment), &rig, plan)?;
-        let mut turn = self.spare_turn(plan)?;
-        let place = Arc::get_mut(&mut turn).ok_or_else(|| Failed("a turn in two hands".into()))?;
-        let slices = self.changed(key, &rig, plan, place);
-        let wanted = Wanted { slices: &slices, number: 0, done: &|| () };
-        self.renderer.prepare(&pieces, &rig, &drawn)?.render(wanted, place)?;
-        let took = began.elapsed();
+        let planes = self.painter.paint(key, &slices)?;
+        let mut took = began.elapsed();
+        self.strokes += 1;
+        let number = self.strokes;
+        self.hub.record(|| {
+            Entry::Stroke(Box::new(Stroke::new(number, key, Layer::Front, &slices, Some(&planes.turn), took)))
+        });
+        let picture = Picture { planes, seen_at: self.news(key), stroke: number };
+        self.mailbox.offer(picture);
+        let Key::Scene(view) = key else { return Ok(()) };
+        let mut count = slices.len();
+        match &seen {
+            Some(seen) => {
+                self.focus.took_seen(count, took);
+                let ahead = self.paint_ahead(view, seen, due)?;
+                (took, count) = (took + ahead.0, count + ahead.1);
+            }
+            None if count == self.rig.rotation.slices as usize => self.focus.took_whole(count, took),
+            None => {}
+        }
         let period = Duration::from_secs_f64(1.0 / self.rig.turns_per_second());
+        let rungs = self.painter.stage().map_or(1, |stage| stage.plans.len());
         // What stands still has all the time that it needs.
-        if moves(&wish.animation) && self.detail.after(took, period, rungs) {
+        if moves(&view.wish.animation) && self.detail.after(took, period, rungs) {
             tracing::info!(rung = self.detail.rung(), "the detail follows the time that rendering takes");
         }
-        self.tell(took, slices.len() as u32, candidate.error_px, plan, wish.budget_px);
+        self.tell(took, count as u32, view);
         tracing::trace!(number, took_ms = took.as_secs_f64() * 1e3, "rendered");
-        self.keep(&turn);
-        let is_news = self.last.as_ref().is_none_or(|(last, _)| last.followed() != Some(followed));
-        let seen_at = followed.read_at().filter(|_| is_news).map(|at| self.hub.start() + at);
-        Ok(Picture { planes: Halftoned { turn, halftone: plan.halftone, number: 0 }, seen_at })
+        Ok(())
     }
 
-    /// The slices that are other ones than in the turn that stands there; the others are copied from it into `turn`.
-    fn changed(&self, key: &Key, rig: &Rig, plan: &Plan, turn: &mut Turn) -> Vec<u32> {
-        let all = || (0..rig.rotation.slices).collect();
-        match &self.last {
-            Some((last, Some(standing))) if key.is_of_same_scene(last) => {
-                let before = last.followed().unwrap_or(&Followed::default()).around(&self.rig);
-                turn.bytes_mut().copy_from_slice(standing.bytes());
-                slices_of_moved_viewers(&before, rig, plan)
-            }
-            _ => all(),
-        }
+    /// The slices that those who are followed see, where only they are rendered in each turn.
+    fn focus_on(&self, key: &Key) -> Option<Vec<u32>> {
+        let Key::Scene(view) = key else { return None };
+        let is_of_use = moves(&view.wish.animation) && !view.viewers.is_empty() && self.painter.may_join(view);
+        let plan = self.painter.plan(view).filter(|_| is_of_use)?;
+        let viewers: Vec<_> = view.viewers.iter().map(TrackedViewer::from).collect();
+        let seen = slices_seen_by(&viewers, &self.rig, &plan);
+        let period = Duration::from_secs_f64(1.0 / self.rig.turns_per_second());
+        self.focus.applies(seen.len(), self.rig.rotation.slices as usize, period).then_some(seen)
     }
 
-    /// A turn that nobody has in hand any more, or another one.
-    fn spare_turn(&mut self, plan: &Plan) -> Result<Arc<Turn>, RenderError> {
-        let spare = self.turns.iter().position(|turn| Arc::strong_count(turn) == 1);
-        match spare {
-            Some(place) => Ok(self.turns.swap_remove(place)),
-            None => Ok(Arc::new(dark_turn(&self.rig, plan)?)),
-        }
+    /// Renders some of the slices that are not `seen` for the turn after `view`: how long it took, and how many.
+    fn paint_ahead(&mut self, view: &View, seen: &[u32], due: Instant) -> Result<(Duration, usize), Failed> {
+        let left = due.saturating_duration_since(Instant::now());
+        let slices = self.focus.others(seen, self.rig.rotation.slices, left);
+        let view = View { moment: view.moment + 1, ..view.clone() };
+        let began = Instant::now();
+        self.painter.paint_ahead(&view, &slices)?;
+        let took = began.elapsed();
+        self.focus.took_others(slices.len(), took);
+        let (number, key) = (self.strokes, Key::Scene(Box::new(view)));
+        self.hub.record(|| Entry::Stroke(Box::new(Stroke::new(number, &key, Layer::Ahead, &slices, None, took))));
+        Ok((took, slices.len()))
     }
 
-    fn keep(&mut self, turn: &Arc<Turn>) {
-        if self.turns.len() < TURNS {
-            self.turns.push(Arc::clone(turn));
-        }
+    /// When the newest of the tracker's readings was taken by which `key` is rendered, where that is news.
+    fn news(&self, key: &Key) -> Option<Instant> {
+        let viewers = |key: &Key| match key {
+            Key::Scene(view) => view.viewers.clone(),
+            Key::Dark | Key::Pattern(_) => Vec::new(),
+        };
+        let is_news = self.tried.as_ref().is_none_or(|tried| viewers(tried) != viewers(key));
+        self.viewers.read_at().filter(|_| is_news).map(|at| self.hub.start() + at)
     }
 
-    fn tell(&mut self, took: Duration, slices: u32, error_px: f64, plan: &Plan, asked_px: f64) {
+    fn tell(&mut self, took: Duration, slices: u32, view: &View) {
         let now = Instant::now();
         self.finished.push_back(now);
         while self.finished.front().is_some_and(|at| now - *at > WINDOW) {
             self.finished.pop_front();
         }
-        let budget_px = asked_px * f64::from(1_u32 << self.detail.rung().min(16));
+        let budget_px = view.wish.budget_px * f64::from(1_u32 << view.rung.min(16));
+        let plan = self.painter.plan(view).map(|plan| plan.to_string()).unwrap_or_default();
+        let error_px = self.painter.stage().map_or(0.0, |stage| stage.plans[view.rung].error_px);
         self.hub.metrics.render_seconds.observe(took.as_secs_f64());
         self.hub.metrics.budget_px.set(budget_px);
         let is_whole = self.refused.is_none();
@@ -333,9 +320,7 @@ impl Rendering {
             telemetry.render_ms = took.as_secs_f64() * 1e3;
             telemetry.rendered_slices = slices;
             telemetry.renders_per_second = self.finished.len() as f64;
-            telemetry.plan = plan.to_string();
-            telemetry.error_px = error_px;
-            telemetry.budget_px = budget_px;
+            (telemetry.plan, telemetry.error_px, telemetry.budget_px) = (plan, error_px, budget_px);
             if is_whole {
                 telemetry.scene_error = None;
             }
@@ -346,18 +331,4 @@ impl Rendering {
 fn later(time: Instant, seconds: f64) -> Instant {
     let by = Duration::from_secs_f64(seconds.abs());
     if seconds < 0.0 { time.checked_sub(by).unwrap_or(time) } else { time + by }
-}
-
-/// A turn without a scene.
-fn plain(turn: Turn) -> Picture {
-    Picture { planes: Halftoned { turn: Arc::new(turn), halftone: Halftone::BlueNoise, number: 0 }, seen_at: None }
-}
-
-/// Why there is no picture.
-struct Failed(String);
-
-impl<E: std::error::Error> From<E> for Failed {
-    fn from(error: E) -> Self {
-        Self(error.to_string())
-    }
 }

@@ -8,6 +8,7 @@ use super::telemetry::EventKind;
 use super::wish::Wish;
 use crate::link::address::{Address, Way};
 use crate::link::sim::Simulated;
+use crate::recording::{Controller, Entry, Sent};
 use crate::stream::live::{Live, Nothing, Progress, Source, Step, Totals};
 use crate::stream::mailbox::Mailbox;
 use crate::stream::{Statistics, StreamError};
@@ -47,6 +48,8 @@ pub struct Show {
     faults: FaultKeys,
     /// Turns by their numbers, and since when the controller has them.
     sent: VecDeque<(u32, Picture, Instant)>,
+    /// What recordings were told last, and how many there had been.
+    recorded: Option<(u64, Controller)>,
     on_screen: Option<u32>,
     marks: VecDeque<(Instant, u64, Statistics)>,
     told_at: Option<Instant>,
@@ -118,6 +121,7 @@ impl Show {
             by_video,
             faults,
             sent: VecDeque::new(),
+            recorded: None,
             on_screen: None,
             marks: VecDeque::new(),
             told_at: None,
@@ -166,6 +170,7 @@ impl Show {
             self.hub.event(EventKind::Warning, format!("{}: {why}", self.address));
         }
         self.dark();
+        self.tell_recordings(Controller { state: None, fault: None, cause: Some(why.into()) });
         self.hub.metrics.connected.set(0);
         self.hub.tell(|telemetry| {
             (telemetry.connected, telemetry.device_error) = (false, Some(why.into()));
@@ -205,6 +210,9 @@ impl Show {
             match display.step(&mut source)? {
                 Step::Delivered(ticket) => {
                     let picture = source.last.take();
+                    if let Some(Picture { stroke, .. }) = picture {
+                        hub.record(|| Entry::Sent(Sent { stroke, turn: ticket.turn }));
+                    }
                     source.show.sent.extend(picture.map(|picture| (ticket.turn, picture, Instant::now())));
                     while source.show.sent.len() > SENT {
                         source.show.sent.pop_front();
@@ -231,6 +239,7 @@ impl Show {
     }
 
     fn obey(&mut self, display: &mut Display, order: Command) -> Result<(), StreamError> {
+        self.hub.record(|| Entry::Order(order));
         match display.command(order) {
             Err(StreamError::Refused { reason, .. }) => {
                 self.hub.event(EventKind::Warning, format!("the controller refused {order:?}: {reason}"));
@@ -283,6 +292,12 @@ impl Show {
             return;
         };
         let said = self.hear_fault(status, cause);
+        let fault = status.fault.filter(|_| status.state == State::Fault);
+        self.tell_recordings(Controller {
+            state: Some(status.state.name().into()),
+            fault: fault.map(|fault| fault.to_string()),
+            cause: fault.and_then(|_| (!cause.is_empty()).then(|| cause.into())),
+        });
         if self.by_video {
             self.light(status.state.may_light());
         } else if status.turn_on_screen != self.on_screen || !status.state.may_light() {
@@ -292,6 +307,17 @@ impl Show {
             self.hub.metrics.lock_phase_slices.observe(self.error_slices(status).abs());
         }
         self.tell(Some((status, said)), totals, statistics);
+    }
+
+    /// Recordings are told what is new, and new ones what is.
+    fn tell_recordings(&mut self, controller: Controller) {
+        let told = Some((self.hub.recordings(), controller));
+        if self.recorded != told {
+            self.recorded = told;
+            self.hub.record(|| {
+                Entry::Controller(self.recorded.clone().map(|(_, controller)| controller).unwrap_or_default())
+            });
+        }
     }
 
     /// Tells a fault that is new; what it is called.
@@ -411,6 +437,7 @@ impl Show {
 
     /// The mirror runs out, dark.
     fn end(&mut self, display: &mut Display) {
+        self.hub.record(|| Entry::Order(Command::Stop));
         let stopped = display.command(Command::Stop);
         let until = Instant::now() + RUN_OUT;
         let mut source = Nothing::default();

@@ -5,6 +5,7 @@ use super::wish::{Animation, Transform, Wish};
 use crate::render::plan::choose::{Candidate, PlanError, ladder};
 use crate::scene::{Animated, Scene, SceneError, ShadedScene, Shading, shade};
 use protocol::rig::Rig;
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
 use thiserror::Error;
@@ -49,7 +50,7 @@ pub enum StageError {
 }
 
 /// What a stage is made of: another cast needs another stage.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cast {
     scene: String,
     transform: Transform,

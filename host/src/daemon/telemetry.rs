@@ -1,5 +1,6 @@
 //! What is known of the display at a moment, and what happened to it.
 
+use protocol::rig::TrackedViewer;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -110,7 +111,7 @@ pub struct VideoOutput {
 }
 
 /// Somebody whose perspective is right.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct SeenViewer {
     /// Who: a tracker's number times 256 and its sensor, or 2048 and more for those who were posted.
     pub id: u16,
@@ -120,6 +121,13 @@ pub struct SeenViewer {
     pub distance_m: f64,
     /// Above the middle of the mirror.
     pub height_m: f64,
+}
+
+impl From<&SeenViewer> for TrackedViewer {
+    fn from(viewer: &SeenViewer) -> Self {
+        let SeenViewer { azimuth_deg, distance_m, height_m, .. } = *viewer;
+        Self { azimuth_deg, distance_m, height_m }
+    }
 }
 
 /// How bad it is.

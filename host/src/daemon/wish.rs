@@ -204,11 +204,11 @@ fn merge(value: &mut Value, patch: &Value) {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use serde_json::json;
 
-    fn wish() -> Wish {
+    pub fn wish() -> Wish {
         Wish {
             mode: Mode::Scene,
             pattern: Pattern::Grid,

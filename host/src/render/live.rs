@@ -7,13 +7,18 @@ use super::turn::Turn;
 use super::visible::may_slice_show;
 use super::{RenderError, Renderer, Wanted, dark_turn};
 use crate::scene::{ShadedScene, ShadedTriangle};
+use core::f64::consts::TAU;
 use glam::{Vec2, Vec3};
 use protocol::rig::{Rig, RigError, TrackedViewer};
 use rayon::prelude::*;
+use shaders::project::SliceOptics;
 use shaders::project::curve::shows_alike;
 use shaders::project::methods::{FaceOptics, Method, Real};
 use std::collections::HashMap;
 use std::sync::Arc;
+
+/// From the middle between somebody's eyes to where one of them may be: half of what lies between them, and as much again.
+const ASIDE_M: f64 = 0.065;
 
 /// A turn of the scene that was last shown.
 pub struct Live {
@@ -101,6 +106,32 @@ pub fn slices_of_moved_viewers(before: &Rig, after: &Rig, plan: &Plan) -> Vec<u3
     };
     let is_joint = matches!(plan.halftone, Halftone::SightLine | Halftone::Joint);
     (0..after.rotation.slices).into_par_iter().filter(|slice| is_joint || !is_alike(*slice)).collect()
+}
+
+/// The slices that viewers see, with either eye, while they move their heads a little, in order. Tracked ones: where the curve bends for them
+/// they are as far away and as high as they say.
+pub fn slices_seen_by(viewers: &[TrackedViewer], rig: &Rig, plan: &Plan) -> Vec<u32> {
+    let model = Method::from(plan.projection).model();
+    let circles = viewers.iter().map(|viewer| {
+        let mut circle = rig.clone();
+        circle.viewing.tracked.clear();
+        (circle.viewing.distance_m, circle.viewing.height_m) = (Some(viewer.distance_m), Some(viewer.height_m));
+        (viewer.azimuth_deg.to_radians(), ASIDE_M / viewer.distance_m, circle)
+    });
+    let circles: Vec<_> = circles.collect();
+    let is_seen = |slice: u32| {
+        let angle = rig.slice_angle(slice);
+        circles.iter().any(|(azimuth, aside, circle)| {
+            (0..rig.mirror.face.len()).any(|face| {
+                // Where a fan is not known it may be any.
+                SliceOptics::new(circle, face, angle, model).fan().is_none_or(|[from, to]| {
+                    let from_first = (azimuth - (from - aside)).rem_euclid(TAU);
+                    from_first <= to - from + 2.0 * aside
+                })
+            })
+        })
+    };
+    (0..rig.rotation.slices).filter(|slice| is_seen(*slice)).collect()
 }
 
 /// The slices that may show something of what is in one of the scenes and not in the other, in order.

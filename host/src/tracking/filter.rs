@@ -17,6 +17,7 @@
 //! | this | 22.1 | 25.6 | 17.7 | 20.3 | 1.4 | 7.6 | 15.8 |
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use thiserror::Error;
 
@@ -49,7 +50,7 @@ pub enum Refused {
 }
 
 /// A head's path so far.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Filter {
     at: Duration,
     position: DVec3,
@@ -60,7 +61,7 @@ pub struct Filter {
 }
 
 /// Readings that agree with each other only.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Stray {
     at: Duration,
     position: DVec3,

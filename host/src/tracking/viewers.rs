@@ -4,6 +4,7 @@ use super::filter::{Filter, Refused};
 use super::{ParseError, Reading};
 use glam::{DAffine3, DVec3};
 use protocol::rig::Tracking;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::time::Duration;
@@ -14,7 +15,7 @@ pub const VIEWERS_MAX: usize = 8;
 pub const SILENCE: Duration = Duration::from_secs(1);
 
 /// Somebody who looks.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Viewer {
     /// As in [`Reading::viewer`], or as whoever posted it said.
     pub id: u16,
@@ -209,6 +210,16 @@ impl Viewers {
         self.heads.retain(|_, head| photon_time.abs_diff(head.at()) <= SILENCE);
         let seen = |(id, head): (&u16, &Filter)| Viewer::new(*id, head, photon_time, &self.place);
         self.heads.iter().map(seen).collect()
+    }
+
+    /// The paths of those who are there.
+    pub fn heads(&self) -> &BTreeMap<u16, Filter> {
+        &self.heads
+    }
+
+    /// The same as these, with the paths of others.
+    pub fn with_heads(self, heads: BTreeMap<u16, Filter>) -> Self {
+        Self { heads, ..self }
     }
 
     /// What came so far.

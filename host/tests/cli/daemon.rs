@@ -19,13 +19,13 @@ pub const PATIENCE: Duration = Duration::from_secs(120);
 /// A daemon, which ends with this.
 pub struct Daemon {
     child: Child,
-    address: String,
-    token: Option<String>,
+    pub address: String,
+    pub token: Option<String>,
 }
 
 impl Daemon {
     /// One of a small rig, with its state below `folder`.
-    fn start(folder: &Path, arguments: &[&str]) -> Self {
+    pub fn start(folder: &Path, arguments: &[&str]) -> Self {
         let rig = folder.join("small.toml");
         Self::launch(folder, &[&["--rig", rig.to_str().unwrap()], arguments].concat())
     }
@@ -50,7 +50,7 @@ impl Daemon {
     }
 
     /// Status and body of the answer to a request.
-    fn ask(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> (u16, Vec<u8>) {
+    pub fn ask(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> (u16, Vec<u8>) {
         let mut head = format!("{method} {path} HTTP/1.1\r\nConnection: close\r\nContent-Length: {}\r\n", body.len());
         if !headers.iter().any(|(name, _)| *name == "Host") {
             head += &format!("Host: {}\r\n", self.address);
@@ -107,6 +107,17 @@ impl Daemon {
         }
     }
 
+    /// Its process.
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Ends it as a power cut does.
+    pub fn kill(&mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+
     /// Tells it to end, as a service manager does.
     pub fn end(mut self) -> ExitStatus {
         let id = rustix::process::Pid::from_child(&self.child);
@@ -123,7 +134,7 @@ impl Drop for Daemon {
 }
 
 /// A binary glTF file of one triangle; `image` is a file that it names.
-fn glb(image: Option<&str>) -> Vec<u8> {
+pub fn glb(image: Option<&str>) -> Vec<u8> {
     let corners: [f32; 9] = [-0.5, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0, 0.0];
     let binary: Vec<u8> = corners.iter().flat_map(|value| value.to_le_bytes()).collect();
     let mut document = json!({
@@ -262,7 +273,7 @@ fn pages_from_elsewhere_give_no_orders() {
 }
 
 /// Seeded: `wrong` requests, each one of many kinds.
-fn nonsense(random: &mut ChaCha8Rng, kind: u32) -> (&'static str, String, Vec<u8>) {
+pub fn nonsense(random: &mut ChaCha8Rng, kind: u32) -> (&'static str, String, Vec<u8>) {
     let bytes = |random: &mut ChaCha8Rng, most: usize| {
         let mut bytes = vec![0; random.random_range(0..most)];
         random.fill_bytes(&mut bytes);

@@ -7,8 +7,12 @@ mod daemon;
 mod desk;
 #[cfg(unix)]
 mod devices;
+#[cfg(unix)]
+mod everything;
 mod measured;
 mod plan;
+#[cfg(unix)]
+mod recording;
 mod register;
 mod render;
 mod rig;

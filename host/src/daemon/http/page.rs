@@ -6,7 +6,7 @@ use axum::response::IntoResponse;
 use axum::routing::get;
 use std::sync::Arc;
 
-const FILES: [(&str, &str, &str); 11] = [
+const FILES: [(&str, &str, &str); 12] = [
     ("/", "text/html; charset=utf-8", include_str!("../page/index.html")),
     ("/page.css", "text/css; charset=utf-8", include_str!("../page/page.css")),
     ("/icon.svg", "image/svg+xml", include_str!("../page/icon.svg")),
@@ -18,6 +18,7 @@ const FILES: [(&str, &str, &str); 11] = [
     ("/controls.js", "text/javascript; charset=utf-8", include_str!("../page/controls.js")),
     ("/scenes.js", "text/javascript; charset=utf-8", include_str!("../page/scenes.js")),
     ("/plots.js", "text/javascript; charset=utf-8", include_str!("../page/plots.js")),
+    ("/recording.js", "text/javascript; charset=utf-8", include_str!("../page/recording.js")),
 ];
 
 /// Nothing from elsewhere is loaded, run or embedded.

@@ -1,11 +1,12 @@
 //! What the interface answers.
 
-use super::{Door, Refusal, telling};
+use super::{Door, Refusal, recording, telling};
 use crate::daemon::eye::{Place, eye_png, ring_png};
 use crate::daemon::library::{Content, Entry, LibraryError};
 use crate::daemon::telemetry::{Event, SeenViewer, Telemetry};
 use crate::daemon::wish::{Mode, Wish};
 use crate::link::sim::Action;
+use crate::recording::{Entry as Recorded, Eye};
 use axum::Json;
 use axum::body::Bytes;
 use axum::extract::rejection::{BytesRejection, PathRejection, QueryRejection};
@@ -41,6 +42,7 @@ pub(super) fn all(upload_bytes_max: usize) -> OpenApiRouter<Arc<Door>> {
         .routes(routes!(clear_fault))
         .routes(routes!(events))
         .routes(routes!(telling::telemetry))
+        .routes(routes!(recording::recording))
         .routes(routes!(eye))
         .routes(routes!(ring))
         .routes(routes!(viewers, post_viewers))
@@ -265,12 +267,11 @@ async fn post_viewers(State(door): Shared, body: Result<Bytes, BytesRejection>) 
             continue;
         }
         let at = now.saturating_sub(Duration::from_secs_f64(age_s));
-        let taken = door.hub.with_viewers(|viewers| viewers.take_eye(POSTED + u16::from(id), position_m.into(), at));
+        let taken = door.hub.arrive_eye(Eye { id: POSTED + u16::from(id), position_m: position_m.into(), at });
         if let Err(reason) = taken {
             refused = Some(format!("viewer {id} at {position_m:?} is refused: {}", reason.name()));
         }
     }
-    door.hub.wake();
     refused.map_or(Ok(StatusCode::ACCEPTED), |reason| Err(Refusal::bad(reason)))
 }
 
@@ -282,8 +283,10 @@ async fn simulate(State(door): Shared, body: Result<Bytes, BytesRejection>) -> R
     let Some(injector) = &door.injector else {
         return Err(Refusal::new(StatusCode::NOT_FOUND, "the controller is no simulated one"));
     };
-    let action: Action = read(&body?)?;
+    let told: Value = read(&body?)?;
+    let action: Action = serde_json::from_value(told.clone()).map_err(Refusal::bad)?;
     action.check("do").map_err(Refusal::bad)?;
+    door.hub.record(|| Recorded::Action(told));
     injector.inject(action);
     Ok(StatusCode::ACCEPTED)
 }

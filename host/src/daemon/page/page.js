@@ -4,6 +4,7 @@ import * as controls from './controls.js';
 import { giveToken, listen, on } from './daemon.js';
 import { byId, show } from './parts.js';
 import * as plots from './plots.js';
+import * as recording from './recording.js';
 import * as scenes from './scenes.js';
 import * as state from './state.js';
 import * as viewer from './viewer.js';
@@ -28,5 +29,5 @@ bindToken();
 // A small page begins with what is used most.
 if (matchMedia('(max-width: 60rem)').matches) for (const id of ['placement', 'quality']) byId(id).open = false;
 // The plots first: figures are made of what they keep.
-for (const part of [plots, state, viewer, controls, scenes]) part.start();
+for (const part of [plots, state, viewer, controls, scenes, recording]) part.start();
 listen();

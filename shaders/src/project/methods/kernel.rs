@@ -207,35 +207,40 @@ impl<F: Real> SliceProjector<F> {
         self.bent.is_some()
     }
 
-    /// How many parts come first: the planar line is one of them on a circle, and several where viewers are on a bent piece (`BENT`, as
-    /// [`SliceProjector::is_bent`] says).
-    pub(super) const fn first_parts<const BENT: bool>() -> usize {
-        if BENT { Bent::<F>::PLANAR_PARTS } else { 1 }
+    /// How many bends the curve has in this slice.
+    pub(super) fn bends(&self) -> u32 {
+        self.bent.as_ref().map_or(0, Bent::count)
+    }
+
+    /// How many parts come first: the planar line is one of them on a circle, and several where viewers are on bends, at most `PIECES` of
+    /// them as everywhere here.
+    pub(super) const fn first_parts<const PIECES: usize>() -> usize {
+        if PIECES > 0 { Bent::<F>::PLANAR_PARTS } else { 1 }
     }
 
     /// The first of the parts of [`SliceProjector::vertex`] without a branch, in order. Between them and the last come steps.
     #[inline(always)]
-    pub(super) fn first_part<const BENT: bool>(&self, point: [F; 3], part: usize, course: Course<F>) -> Course<F> {
+    pub(super) fn first_part<const PIECES: usize>(&self, point: [F; 3], part: usize, course: Course<F>) -> Course<F> {
         let place = self.place(point);
         match &self.bent {
-            Some(bent) if BENT => bent.start(self, &place, part, course),
+            Some(bent) if PIECES > 0 => bent.start::<PIECES>(self, &place, part, course),
             _ => self.start(&place),
         }
     }
 
     /// A step toward the cone's line.
     #[inline(always)]
-    pub(super) fn next_part<const BENT: bool>(&self, point: [F; 3], course: Course<F>, settled: F) -> Course<F> {
+    pub(super) fn next_part<const PIECES: usize>(&self, point: [F; 3], course: Course<F>, settled: F) -> Course<F> {
         let place = self.place(point);
         match &self.bent {
-            Some(bent) if BENT => bent.advance(self, &place, course, settled),
+            Some(bent) if PIECES > 0 => bent.advance::<PIECES>(self, &place, course, settled),
             _ => self.advance(&place, course, settled),
         }
     }
 
     /// The last part. With `CONE` it asks for the cone's line.
     #[inline(always)]
-    pub(super) fn last_part<const BENT: bool, const CONE: bool>(
+    pub(super) fn last_part<const PIECES: usize, const CONE: bool>(
         &self,
         point: [F; 3],
         course: Course<F>,
@@ -243,8 +248,8 @@ impl<F: Real> SliceProjector<F> {
     ) -> Trial<F> {
         let place = self.place(point);
         let (line, is_reached) = match (&self.bent, CONE) {
-            (Some(bent), true) if BENT => bent.arrive(self, &place, &course, settled),
-            (Some(bent), false) if BENT => (bent.begun(self, &place, &course), true),
+            (Some(bent), true) if PIECES > 0 => bent.arrive::<PIECES>(self, &place, &course, settled),
+            (Some(bent), false) if PIECES > 0 => (bent.begun::<PIECES>(self, &place, &course), true),
             (_, true) => self.arrive(&place, &course, settled),
             (_, false) => (self.search(&place, &course).line, true),
         };

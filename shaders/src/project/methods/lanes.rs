@@ -2,6 +2,7 @@
 
 use super::kernel::{Course, Trial, UNSURE};
 use super::{Method, SliceProjector};
+use crate::wgsl::BENDS;
 
 /// [`Lanes::state`]: there is no pixel; nothing else of the lane means anything.
 pub const NOWHERE: i32 = 0x20;
@@ -59,14 +60,11 @@ impl SliceProjector<f32> {
     /// it is 25 and 63. On a bent piece of a curve they take a quarter of one by one (`cargo bench -p shaders vertices`).
     #[inline(always)]
     pub fn vertices<const N: usize>(&self, points: [&[f32; N]; 3]) -> Lanes<N> {
-        // So many steps settle every point on the panels of the built-in rigs, and of all tested ones but those with two roots.
-        let mut lanes = match (self.is_bent(), self.method) {
-            (false, Method::Planar) => self.trials::<false, 0, N>(points, self.settled),
-            (false, Method::ConeNewton | Method::ConeTable) => self.trials::<false, 2, N>(points, self.settled),
-            (false, Method::ConeRoot) => self.trials::<false, 3, N>(points, self.root_settled()),
-            (true, Method::Planar) => self.trials::<true, 0, N>(points, self.settled),
-            (true, Method::ConeNewton | Method::ConeTable) => self.trials::<true, 2, N>(points, self.settled),
-            (true, Method::ConeRoot) => self.trials::<true, 3, N>(points, self.root_settled()),
+        let mut lanes = match self.bends() {
+            0 => self.by_method::<0, N>(points),
+            1 => self.by_method::<1, N>(points),
+            2 => self.by_method::<2, N>(points),
+            _ => self.by_method::<BENDS, N>(points),
         };
         if lanes.state.iter().fold(0, |all, state| all | state) & UNSURE != 0 {
             self.ask_again(points, &mut lanes);
@@ -74,11 +72,21 @@ impl SliceProjector<f32> {
         lanes
     }
 
+    /// So many steps settle every point on the panels of the built-in rigs, and of all tested ones but those with two roots.
+    #[inline(always)]
+    fn by_method<const PIECES: usize, const N: usize>(&self, points: [&[f32; N]; 3]) -> Lanes<N> {
+        match self.method {
+            Method::Planar => self.trials::<PIECES, 0, N>(points, self.settled),
+            Method::ConeNewton | Method::ConeTable => self.trials::<PIECES, 2, N>(points, self.settled),
+            Method::ConeRoot => self.trials::<PIECES, 3, N>(points, self.root_settled()),
+        }
+    }
+
     /// Part by part for all lanes, so that a processor finds other lanes' work while some wait for a root or a quotient: the cone
     /// takes 4.1 ns a vertex with AVX-512 where it took 5.7 when lanes went their whole way at once. The steps to the planar line of a bent
     /// piece, as one part, were not vectorised at all.
     #[inline(always)]
-    fn trials<const BENT: bool, const STEPS: usize, const N: usize>(
+    fn trials<const PIECES: usize, const STEPS: usize, const N: usize>(
         &self,
         points: [&[f32; N]; 3],
         settled: f32,
@@ -86,27 +94,27 @@ impl SliceProjector<f32> {
         let mut lanes = Lanes { pixel: [[0.0; N]; 2], depth_m: [0.0; N], state: [0; N] };
         let mut courses = Courses { numbers: [[0.0; N]; 5], marks: [0; N] };
         let point = |lane| points.map(|axis| axis[lane]);
-        if STEPS == 0 && !BENT {
+        if STEPS == 0 && PIECES == 0 {
             for lane in 0..N {
-                let course = self.first_part::<BENT>(point(lane), 0, courses.get(lane));
-                lanes.set(lane, self.last_part::<BENT, false>(point(lane), course, settled));
+                let course = self.first_part::<PIECES>(point(lane), 0, courses.get(lane));
+                lanes.set(lane, self.last_part::<PIECES, false>(point(lane), course, settled));
             }
             return lanes;
         }
-        for part in 0..Self::first_parts::<BENT>() {
+        for part in 0..Self::first_parts::<PIECES>() {
             for lane in 0..N {
-                courses.set(lane, self.first_part::<BENT>(point(lane), part, courses.get(lane)));
+                courses.set(lane, self.first_part::<PIECES>(point(lane), part, courses.get(lane)));
             }
         }
         for _ in 0..STEPS {
             for lane in 0..N {
-                courses.set(lane, self.next_part::<BENT>(point(lane), courses.get(lane), settled));
+                courses.set(lane, self.next_part::<PIECES>(point(lane), courses.get(lane), settled));
             }
         }
         for lane in 0..N {
             let trial = match STEPS {
-                0 => self.last_part::<BENT, false>(point(lane), courses.get(lane), settled),
-                _ => self.last_part::<BENT, true>(point(lane), courses.get(lane), settled),
+                0 => self.last_part::<PIECES, false>(point(lane), courses.get(lane), settled),
+                _ => self.last_part::<PIECES, true>(point(lane), courses.get(lane), settled),
             };
             lanes.set(lane, trial);
         }

@@ -115,21 +115,36 @@ impl<F: Real> Sector<F> {
             Viewers::Circle { distance_m, height_m } => {
                 Self::Rest(Spot { distance_m: *distance_m, height_m: *height_m })
             }
-            Viewers::Curve(curve) => Self::on(curve, exact.fan(), exact.azimuth()),
+            Viewers::Curve(curve) => Self::on(curve, exact),
         }
     }
 
-    /// Of `curve` in a fan, for a mirror at `azimuth`.
-    fn on(curve: &ViewingCurve, fan: Option<[f64; 2]>, azimuth: f64) -> Self {
-        let Some(fan) = fan.filter(|[from, to]| to - from < PI) else { return Self::Unknown(curve.spot(azimuth)) };
+    /// Of `curve` in that fan.
+    fn on(curve: &ViewingCurve, exact: &SliceOptics) -> Self {
+        let azimuth = exact.azimuth();
+        let Some(fan) = exact.fan().filter(|[from, to]| to - from < PI) else {
+            return Self::Unknown(curve.spot(azimuth));
+        };
         let (spot, bends) = curve.sector(fan);
         match bends.len() {
             0 if spot == curve.rest() => Self::Rest(spot),
             0 => Self::Circle(spot),
-            1..=BENDS => Self::Bent(spot, Bent::new(curve, spot, &bends, fan, azimuth)),
+            1..=BENDS if is_resolved::<F>(spot, &bends, curve.distances()[0], exact) => {
+                Self::Bent(spot, Bent::new(curve, spot, &bends, fan, azimuth))
+            }
             _ => Self::Unknown(spot),
         }
     }
+}
+
+/// Whether adding `bends` up from `spot`, no nearer to the axis than `least_m`, rounds a place by too little to be seen: a viewer 4 km below
+/// another one would be misplaced by half a millimetre in single precision.
+fn is_resolved<F: Real>(spot: Spot, bends: &[Bend], least_m: f64, exact: &SliceOptics) -> bool {
+    let sum = |of: fn(&Spot) -> f64| {
+        bends.iter().fold(of(&spot).abs(), |sum, bend| sum + (of(&bend.to) - of(&bend.from)).abs())
+    };
+    let largest_m = sum(|spot| spot.distance_m).max(sum(|spot| spot.height_m));
+    F::epsilon().wide() * largest_m / least_m * exact.reach_m() * exact.px_per_m() < F::TOLERANCE_PX
 }
 
 impl<F: Real> Bent<F> {
@@ -164,8 +179,9 @@ impl<F: Real> Bent<F> {
         Self { grazing, ..self }
     }
 
+    /// Where the first `PIECES` bends lead; there are no more of them, or others would count.
     #[inline(always)]
-    fn stand(&self, half: F) -> Stand<F> {
+    fn stand<const PIECES: usize>(&self, half: F) -> Stand<F> {
         let one = F::one();
         let square = half * half;
         let scale = (one + square).recip();
@@ -173,7 +189,7 @@ impl<F: Real> Bent<F> {
         let azimuth = F::twice_arctangent(half);
         let [mut distance, mut height] = self.from;
         let [mut outward, mut upward] = [F::zero(); 2];
-        for Piece { start, scale, rise } in &self.bends {
+        for Piece { start, scale, rise } in &self.bends[..PIECES] {
             let way = ((azimuth - *start) * *scale).max(F::zero()).min(one);
             let left = one - way;
             let share = way * way * (left + left + one);
@@ -203,9 +219,9 @@ impl<F: Real> Bent<F> {
     pub(super) fn planar_line(&self, slice: &SliceProjector<F>, place: &Place<F>) -> (Line<F>, bool) {
         let (mut half, mut last) = (self.first_guess(slice, place), F::zero());
         for _ in 0..PLANAR_STEPS {
-            [half, last] = self.planar_step(slice, place, half);
+            [half, last] = self.planar_step::<BENDS>(slice, place, half);
         }
-        self.planar_end(slice, place, [half, last])
+        self.planar_end::<BENDS>(slice, place, [half, last])
     }
 
     /// Where the planar fan's half line meets the circle on which the curve begins.
@@ -220,19 +236,24 @@ impl<F: Real> Bent<F> {
 
     /// One of Newton's steps to where it meets the curve, and its size in radians.
     #[inline(always)]
-    fn planar_step(&self, slice: &SliceProjector<F>, place: &Place<F>, half: F) -> [F; 2] {
+    fn planar_step<const PIECES: usize>(&self, slice: &SliceProjector<F>, place: &Place<F>, half: F) -> [F; 2] {
         let ([x, z], _) = slice.fan_of(place);
-        let Stand { at, moves, turn } = self.stand(half);
+        let Stand { at, moves, turn } = self.stand::<PIECES>(half);
         let step = ((at[0] - place.x) * z - (at[2] - place.z) * x) / (moves[0] * z - moves[2] * x);
         [half - step / turn, step]
     }
 
     /// The line after these steps, and whether it is the answer.
     #[inline(always)]
-    fn planar_end(&self, slice: &SliceProjector<F>, place: &Place<F>, [half, last]: [F; 2]) -> (Line<F>, bool) {
+    fn planar_end<const PIECES: usize>(
+        &self,
+        slice: &SliceProjector<F>,
+        place: &Place<F>,
+        [half, last]: [F; 2],
+    ) -> (Line<F>, bool) {
         let ([x, z], square) = slice.fan_of(place);
         let passing = place.x * z - place.z * x;
-        let line = self.line_at(slice, place, half);
+        let line = self.line_at::<PIECES>(slice, place, half);
         let range = line.toward[0] * x + line.toward[2] * z;
         let few = F::of(CANCELLATION);
         let is_sound = (few * few * square >= slice.image_squared + place.level_squared)
@@ -255,7 +276,7 @@ impl<F: Real> Bent<F> {
     ) -> Option<Line<F>> {
         let mut search = Search::from(planar.half);
         for _ in 0..CONE_STEPS {
-            let step = self.step(slice, place, &search, settled);
+            let step = self.step::<BENDS>(slice, place, &search, settled);
             if step.is_settled {
                 return slice.is_steeper(place, &step.line, self.grazing).then_some(step.line);
             }
@@ -269,9 +290,15 @@ impl<F: Real> Bent<F> {
 
     /// One of Newton's steps.
     #[inline(always)]
-    fn step(&self, slice: &SliceProjector<F>, place: &Place<F>, search: &Search<F>, settled: F) -> Step<F> {
+    fn step<const PIECES: usize>(
+        &self,
+        slice: &SliceProjector<F>,
+        place: &Place<F>,
+        search: &Search<F>,
+        settled: F,
+    ) -> Step<F> {
         let Search { half, rise, last } = *search;
-        let stand = self.stand(half);
+        let stand = self.stand::<PIECES>(half);
         let line = self.line(slice, place, half, &stand);
         let defect = slice.defect(&line);
         let is_settled = defect.value.abs() < settled * rise;
@@ -288,7 +315,7 @@ impl<F: Real> Bent<F> {
 
     /// One of them.
     #[inline(always)]
-    pub(super) fn start(
+    pub(super) fn start<const PIECES: usize>(
         &self,
         slice: &SliceProjector<F>,
         place: &Place<F>,
@@ -300,11 +327,11 @@ impl<F: Real> Bent<F> {
         match part {
             0 => on(self.first_guess(slice, place), F::zero(), 0),
             _ if part <= PLANAR_STEPS => {
-                let [half, last] = self.planar_step(slice, place, half);
+                let [half, last] = self.planar_step::<PIECES>(slice, place, half);
                 on(half, last, 0)
             }
             _ => {
-                let (planar, is_sound) = self.planar_end(slice, place, [half, last]);
+                let (planar, is_sound) = self.planar_end::<PIECES>(slice, place, [half, last]);
                 Search::from(planar.half).course(slice.marks(&planar, is_sound))
             }
         }
@@ -312,20 +339,20 @@ impl<F: Real> Bent<F> {
 
     /// One of the steps of [`Bent::newton`] without a branch.
     #[inline(always)]
-    pub(super) fn advance(
+    pub(super) fn advance<const PIECES: usize>(
         &self,
         slice: &SliceProjector<F>,
         place: &Place<F>,
         course: Course<F>,
         settled: F,
     ) -> Course<F> {
-        let Step { is_settled, converges, next, .. } = self.step(slice, place, &Search::on(&course), settled);
+        let Step { is_settled, converges, next, .. } = self.step::<PIECES>(slice, place, &Search::on(&course), settled);
         course.after(is_settled, converges, next.course(course.marks))
     }
 
     /// The line, and whether [`Bent::newton`] returns it.
     #[inline(always)]
-    pub(super) fn arrive(
+    pub(super) fn arrive<const PIECES: usize>(
         &self,
         slice: &SliceProjector<F>,
         place: &Place<F>,
@@ -333,20 +360,25 @@ impl<F: Real> Bent<F> {
         settled: F,
     ) -> (Line<F>, bool) {
         let search = Search::on(course);
-        let line = self.line_at(slice, place, search.half);
+        let line = self.line_at::<PIECES>(slice, place, search.half);
         let is_settled = slice.defect(&line).value.abs() < settled * search.rise;
         (line, course.has_arrived(is_settled) & slice.is_steeper(place, &line, self.grazing))
     }
 
     /// The planar line of a course that has just begun.
     #[inline(always)]
-    pub(super) fn begun(&self, slice: &SliceProjector<F>, place: &Place<F>, course: &Course<F>) -> Line<F> {
-        self.line_at(slice, place, Search::on(course).half)
+    pub(super) fn begun<const PIECES: usize>(
+        &self,
+        slice: &SliceProjector<F>,
+        place: &Place<F>,
+        course: &Course<F>,
+    ) -> Line<F> {
+        self.line_at::<PIECES>(slice, place, Search::on(course).half)
     }
 
     #[inline(always)]
-    fn line_at(&self, slice: &SliceProjector<F>, place: &Place<F>, half: F) -> Line<F> {
-        self.line(slice, place, half, &self.stand(half))
+    fn line_at<const PIECES: usize>(&self, slice: &SliceProjector<F>, place: &Place<F>, half: F) -> Line<F> {
+        self.line(slice, place, half, &self.stand::<PIECES>(half))
     }
 
     /// As `o·e − i·e` rises with the azimuth of V', which moves by `moves`.
@@ -363,12 +395,14 @@ impl<F: Real> Bent<F> {
     }
 }
 
-impl Bent<f32> {
+impl<F> Bent<F> {
     /// How many bends there are.
     pub(super) fn count(&self) -> u32 {
         self.count
     }
+}
 
+impl Bent<f32> {
     /// The bends as the WGSL twin reads them.
     pub(super) fn shared(&self) -> [[f32; 4]; BENDS] {
         self.bends.map(|Piece { start, scale, rise: [distance, height] }| [start, scale, distance, height])
