@@ -13,7 +13,7 @@ use crate::render::turn::Turn;
 use crate::tracking::filter::Filter;
 use crate::tracking::{Reading, Refusal, Viewer};
 use glam::DVec3;
-use protocol::message::Command;
+use protocol::message::{Command, State, Status};
 use protocol::rig::Rig;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -158,9 +158,9 @@ impl Stroke {
         Self { number, key, layer, slices: ranges, sectors, took_ms: took.as_secs_f64() * 1e3 }
     }
 
-    /// Which slices, in order.
-    pub fn slices(&self) -> Vec<u32> {
-        self.slices.iter().flat_map(|[first, end]| *first..*end).collect()
+    /// Which of `slices` slices, in order, each once.
+    pub fn slices(&self, slices: u32) -> Vec<u32> {
+        (0..slices).filter(|slice| self.slices.iter().any(|[first, end]| (first..end).contains(&slice))).collect()
     }
 
     /// The view, where it is of a scene.
@@ -193,6 +193,18 @@ pub struct Controller {
     pub cause: Option<String>,
 }
 
+impl Controller {
+    /// What `status` says; `cause` is what was measured and what is allowed, if that is known.
+    pub fn of(status: &Status, cause: &str) -> Self {
+        let fault = status.fault.filter(|_| status.state == State::Fault);
+        Self {
+            state: Some(status.state.name().into()),
+            fault: fault.map(|fault| fault.to_string()),
+            cause: fault.and_then(|_| (!cause.is_empty()).then(|| cause.into())),
+        }
+    }
+}
+
 /// A turn that the controller has whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sent {
@@ -215,7 +227,7 @@ impl Entry {
                 let (topic, body) = map.into_iter().next().unwrap_or_default();
                 (topic, body.to_string().into_bytes())
             }
-            // A float that is no number has no JSON: there is none.
+            // Every kind of entry is a map of one key.
             _ => ("lost".into(), br#"{"entries":1}"#.to_vec()),
         }
     }

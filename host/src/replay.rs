@@ -28,6 +28,8 @@ const TOLD_MAX: usize = 20;
 const VIEWER_M: f64 = 1e-9;
 /// A simulated controller does the same a little sooner or later, in seconds, and one that is not simulated has another motor.
 const SOONER_OR_LATER_S: f64 = 1.0;
+/// Something is recorded many times a second: longer than this, in seconds, nothing was never.
+const GAP_S: f64 = 3_600.0;
 /// What a controller did for less time may have been missed by whoever asked it.
 const BRIEF_S: f64 = 0.2;
 
@@ -45,6 +47,14 @@ pub enum ReplayError {
         "it does not begin with what is needed to tell it again: it was not written by praxi record, or its beginning is missing"
     )]
     NoSetup,
+    /// See the message.
+    #[error("nothing happens from {from_s:.1} to {to_s:.1} s: it is damaged")]
+    Gap {
+        /// The last entry's time, seconds since the recording began.
+        from_s: f64,
+        /// The next one's.
+        to_s: f64,
+    },
     /// See the message.
     #[error("its rig: {0}")]
     Rig(#[from] RigError),
@@ -182,7 +192,11 @@ impl Replay {
     /// Tells `entry` again.
     pub fn tell(&mut self, (at_ns, entry): Timed) -> Result<(), ReplayError> {
         let at_s = at_ns.saturating_sub(self.first_ns) as f64 / 1e9;
-        self.report.seconds = self.report.seconds.max(at_s);
+        let from_s = self.report.seconds;
+        if at_s - from_s > GAP_S {
+            return Err(ReplayError::Gap { from_s, to_s: at_s });
+        }
+        self.report.seconds = from_s.max(at_s);
         match entry {
             Entry::Stage(cast) => self.pictures.stage(&cast)?,
             Entry::Stroke(stroke) => self.pictures.paint(at_s, &stroke, &mut self.report.turns),

@@ -1,6 +1,7 @@
 //! Viewers who are tracked: each sees the scene from where they stand, as well as if the display were theirs alone.
 
 use glam::DVec3;
+use host::render::live::slices_seen_by;
 use host::render::plan::error::geometric_error;
 use host::render::plan::{Edges, Halftone, Plan};
 use host::render::tessellate::tessellate;
@@ -48,6 +49,21 @@ fn shown(scene: &ShadedScene, rig: &Rig, halftone: Halftone) -> Turn {
 fn eyes_are_beside_each_other() {
     let front = viewer(0.0, 0.9, 0.35);
     assert!((eye(front, 0.01) - DVec3::new(0.01, 0.35, 0.9)).length() < 1e-12);
+}
+
+#[test]
+fn viewers_see_no_other_slices_than_those_that_are_rendered_first() {
+    let (scene, tall, other) = (builtin(), viewer(40.0, 0.9, 0.6), viewer(-120.0, 1.4, 0.2));
+    let rig = with(&[tall, other]);
+    let whole = shown(&scene, &rig, Halftone::Grey);
+    let own = slices_seen_by(&[tall], &rig, &Plan::default());
+    assert!((20..100).contains(&own.len()), "{}", own.len());
+    let mut part = whole.clone();
+    for slice in (0..rig.rotation.slices).filter(|slice| !own.contains(slice)) {
+        part.slice_mut(slice).fill(0);
+    }
+    assert_eq!(seen(&scene, &rig, &part, tall), seen(&scene, &rig, &whole, tall));
+    assert_ne!(seen(&scene, &rig, &part, other), seen(&scene, &rig, &whole, other));
 }
 
 const HALFTONES: [Halftone; 2] = [Halftone::Grey, Halftone::OptimisedDiffusion];

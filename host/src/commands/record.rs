@@ -75,7 +75,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
 
 /// Terminals and pipes have nothing to be written to.
 fn is_no_disk(error: io::Error) -> io::Result<()> {
-    if error.raw_os_error() == Some(rustix::io::Errno::INVAL.raw_os_error()) { Ok(()) } else { Err(error) }
+    if error.kind() == io::ErrorKind::InvalidInput { Ok(()) } else { Err(error) }
 }
 
 /// A new file; or a terminal, a pipe, or whatever else is no file.

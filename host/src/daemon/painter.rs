@@ -105,11 +105,6 @@ impl Painter {
     pub fn begin_anew(&mut self) {
         self.cuts.clear();
         self.standing = None;
-        self.leave_ahead();
-    }
-
-    /// What was rendered ahead is not shown.
-    pub fn leave_ahead(&mut self) {
         self.ahead.slices.clear();
     }
 
@@ -165,7 +160,7 @@ impl Painter {
             }
         }
         self.render(view, slices, place)?;
-        self.leave_ahead();
+        self.ahead.slices.clear();
         if self.turns.len() < TURNS {
             self.turns.push(Arc::clone(&turn));
         }

@@ -233,9 +233,6 @@ impl Rendering {
     /// Renders and offers what `key` says; the next turn is `due`.
     fn render(&mut self, key: &Key, due: Instant) -> Result<(), Failed> {
         let seen = self.focus_on(key);
-        if seen.is_none() {
-            self.painter.leave_ahead();
-        }
         let slices = seen.clone().unwrap_or_else(|| self.painter.changed(key));
         let began = Instant::now();
         let planes = self.painter.paint(key, &slices)?;

@@ -292,12 +292,7 @@ impl Show {
             return;
         };
         let said = self.hear_fault(status, cause);
-        let fault = status.fault.filter(|_| status.state == State::Fault);
-        self.tell_recordings(Controller {
-            state: Some(status.state.name().into()),
-            fault: fault.map(|fault| fault.to_string()),
-            cause: fault.and_then(|_| (!cause.is_empty()).then(|| cause.into())),
-        });
+        self.tell_recordings(Controller::of(status, cause));
         if self.by_video {
             self.light(status.state.may_light());
         } else if status.turn_on_screen != self.on_screen || !status.state.may_light() {

@@ -1,7 +1,7 @@
 //! A scene that is ready to be rendered: read, brought to the display's size, with its plans.
 
 use super::library::{Library, LibraryError};
-use super::wish::{Animation, Transform, Wish};
+use super::wish::{Animation, Transform, Wish, WishError, check_budget};
 use crate::render::plan::choose::{Candidate, PlanError, ladder};
 use crate::scene::{Animated, Scene, SceneError, ShadedScene, Shading, shade};
 use protocol::rig::Rig;
@@ -61,6 +61,12 @@ impl Cast {
     /// What `wish` needs.
     pub fn of(wish: &Wish) -> Self {
         Self { scene: wish.scene.clone(), transform: wish.transform, budget_px: wish.budget_px }
+    }
+
+    /// Whether every value is in its range.
+    pub fn check(&self) -> Result<(), WishError> {
+        check_budget(self.budget_px)?;
+        self.transform.check()
     }
 
     /// The scene's name.

@@ -130,6 +130,21 @@ impl Transform {
         let place = Vec3::from_array(self.move_m.map(|metres| metres as f32));
         Affine3A::from_scale_rotation_translation(Vec3::splat(self.scale as f32), turn, place)
     }
+
+    /// Whether every value is in its range.
+    pub fn check(&self) -> Result<(), WishError> {
+        let Self { scale, yaw_deg, pitch_deg, roll_deg, move_m } = *self;
+        within("transform.scale", scale, 0.01..=10.0, "0.01 to 10")?;
+        for (key, value) in
+            [("transform.yaw_deg", yaw_deg), ("transform.pitch_deg", pitch_deg), ("transform.roll_deg", roll_deg)]
+        {
+            within(key, value, -360.0..=360.0, "-360 to 360")?;
+        }
+        for value in move_m {
+            within("transform.move_m", value, -0.5..=0.5, "-0.5 to 0.5")?;
+        }
+        Ok(())
+    }
 }
 
 impl Wish {
@@ -152,24 +167,8 @@ impl Wish {
 
     /// Whether every value is in its range.
     pub fn check(&self) -> Result<(), WishError> {
-        let within = |key, value: f64, range: RangeInclusive<f64>, allowed| {
-            if range.contains(&value) {
-                Ok(())
-            } else {
-                Err(WishError::Value { key, value: value.to_string(), allowed })
-            }
-        };
-        within("budget_px", self.budget_px, BUDGETS_PX, BUDGETS_PX_ALLOWED)?;
-        let Transform { scale, yaw_deg, pitch_deg, roll_deg, move_m } = self.transform;
-        within("transform.scale", scale, 0.01..=10.0, "0.01 to 10")?;
-        for (key, value) in
-            [("transform.yaw_deg", yaw_deg), ("transform.pitch_deg", pitch_deg), ("transform.roll_deg", roll_deg)]
-        {
-            within(key, value, -360.0..=360.0, "-360 to 360")?;
-        }
-        for value in move_m {
-            within("transform.move_m", value, -0.5..=0.5, "-0.5 to 0.5")?;
-        }
+        check_budget(self.budget_px)?;
+        self.transform.check()?;
         match &self.animation {
             Animation::Still => {}
             Animation::Spin { degrees_per_turn } => {
@@ -183,6 +182,15 @@ impl Wish {
         }
         Ok(())
     }
+}
+
+/// Whether a budget in pixels may be asked for.
+pub fn check_budget(budget_px: f64) -> Result<(), WishError> {
+    within("budget_px", budget_px, BUDGETS_PX, BUDGETS_PX_ALLOWED)
+}
+
+fn within(key: &'static str, value: f64, range: RangeInclusive<f64>, allowed: &'static str) -> Result<(), WishError> {
+    if range.contains(&value) { Ok(()) } else { Err(WishError::Value { key, value: value.to_string(), allowed }) }
 }
 
 fn merge(value: &mut Value, patch: &Value) {

@@ -9,8 +9,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::io::{self, Read, Write};
 use thiserror::Error;
 
-/// What the header says that wrote it, and what kind of messages there are.
-const LIBRARY: &str = concat!("praxi ", env!("CARGO_PKG_VERSION"));
+/// What the header says of the kind of messages.
 const PROFILE: &str = "praxinoscope";
 /// The largest message or chunk that is read.
 const RECORD_BYTES_MAX: usize = 64 << 20;
@@ -57,11 +56,7 @@ pub struct Writer<W: Write> {
 impl<W: Write> Writer<W> {
     /// Begins one.
     pub fn new(to: W) -> Result<Self, FileError> {
-        let options = WriteOptions::new()
-            .compression(Some(Compression::Zstd))
-            .profile(PROFILE)
-            .library(LIBRARY)
-            .disable_seeking(true);
+        let options = WriteOptions::new().compression(Some(Compression::Zstd)).profile(PROFILE).disable_seeking(true);
         let inner = options.create(NoSeek::new(to)).map_err(|error| FileError::new(error, 0))?;
         Ok(Self { inner, channels: HashMap::new(), sequence: 0 })
     }

@@ -1,13 +1,12 @@
 //! A simulated controller that is given a recording's orders at their times.
 
 use super::ReplayError;
-use crate::link::sim::Endpoint;
-use crate::link::sim::{Action, Cable, Clock, Injector, Shared, SimConnect, SimLink, Simulated};
+use crate::link::sim::{Action, Cable, Clock, Endpoint, Injector, Shared, SimConnect, SimLink, Simulated};
 use crate::link::{Connect, Link};
 use crate::recording::Controller;
 use crate::stream::{Stream, StreamError, TurnPlanes};
 use protocol::codec::ImageSize;
-use protocol::message::{Command, State, Status};
+use protocol::message::{Command, State};
 use protocol::rig::Rig;
 use serde_json::Value;
 use std::sync::Arc;
@@ -58,9 +57,8 @@ impl Machine {
         if is(&[State::Locked, State::Holdover]) {
             self.run_on(|did| did.last().is_some_and(|(_, what)| what.state.as_deref() == Some(State::Locked.name())))?;
         }
-        while is_on_the_way && self.did.last().is_none_or(|(_, what)| what.state.as_deref() == Some(State::Idle.name()))
-        {
-            self.listen(LISTEN)?;
+        if is_on_the_way {
+            self.run_on(|did| did.last().is_some_and(|(_, what)| what.state.as_deref() != Some(State::Idle.name())))?;
         }
         self.zero = self.stream.link().now();
         let last = self.did.pop();
@@ -152,13 +150,10 @@ impl Machine {
 
     fn note(&mut self) {
         let Some(status) = self.stream.status().copied() else { return };
-        let Status { state, turns_shown, .. } = status;
-        self.shown_before.get_or_insert(turns_shown);
-        self.shown = turns_shown;
-        let fault = status.fault.filter(|_| state == State::Fault).map(|fault| fault.to_string());
-        let cause = self.stream.faults().map(|faults| faults.cause().to_string()).filter(|cause| !cause.is_empty());
-        let cause = cause.filter(|_| fault.is_some());
-        let now = Controller { state: Some(state.name().into()), fault, cause };
+        self.shown_before.get_or_insert(status.turns_shown);
+        self.shown = status.turns_shown;
+        let cause = self.stream.faults().map(|faults| faults.cause().to_string()).unwrap_or_default();
+        let now = Controller::of(&status, &cause);
         if self.did.last().is_none_or(|(_, last)| *last != now) {
             let at_s = self.stream.link().now().saturating_sub(self.zero).as_secs_f64();
             self.did.push((at_s, now));

@@ -2,7 +2,7 @@
 
 use super::{Compared, ReplayError};
 use crate::daemon::library::Library;
-use crate::daemon::painter::{Failed, Key, Painter};
+use crate::daemon::painter::{Failed, Key, Painter, View, around};
 use crate::daemon::stage::{Cast, Stage};
 use crate::halftoned::Halftoned;
 use crate::recording::{Layer, SECTORS, Stroke, sectors};
@@ -43,13 +43,15 @@ impl Pictures {
 
     /// Brings `cast` on the stage.
     pub(super) fn stage(&mut self, cast: &Cast) -> Result<(), ReplayError> {
+        let failed = |reason: String| ReplayError::Scene(cast.scene().into(), reason);
+        cast.check().map_err(|error| failed(error.to_string()))?;
         let Self { library, rig, .. } = self;
         if let Some(scene) = self.scene.as_ref().filter(|_| library.find(cast.scene()).is_err()) {
             library.give_as(cast.scene(), scene)?;
         }
         library.find(cast.scene())?;
         let stage = Stage::prepare(cast, self.painter.stage(), library, rig, self.display_radius_m, self.triangles_max);
-        self.painter.set_stage(stage.map_err(|error| ReplayError::Scene(cast.scene().into(), error.to_string()))?);
+        self.painter.set_stage(stage.map_err(|error| failed(error.to_string()))?);
         self.is_begun = true;
         Ok(())
     }
@@ -59,7 +61,11 @@ impl Pictures {
         if stroke.view().is_some() && !self.is_begun {
             return;
         }
-        let slices: Vec<u32> = stroke.slices().into_iter().filter(|slice| *slice < self.rig.rotation.slices).collect();
+        if let Err(reason) = stroke.view().map_or(Ok(()), |view| self.check(view)) {
+            turns.differs(at_s, format!("turn {}: {reason}", stroke.number));
+            return;
+        }
+        let slices = stroke.slices(self.rig.rotation.slices);
         let painted = match (stroke.layer, &stroke.key) {
             (Layer::Ahead, Key::Scene(view)) => self.painter.paint_ahead(view, &slices),
             (Layer::Ahead, _) => Ok(()),
@@ -78,6 +84,12 @@ impl Pictures {
         if let Err(Failed(reason)) = painted {
             turns.differs(at_s, format!("turn {}: {reason}", stroke.number));
         }
+    }
+
+    /// Whether `view` can be painted: a file may say anything.
+    fn check(&self, view: &View) -> Result<(), String> {
+        view.wish.check().map_err(|error| error.to_string())?;
+        around(&self.rig, &view.viewers).checked().map(drop).map_err(|error| error.to_string())
     }
 
     /// The turn whose stroke has this number, if it was among the last.

@@ -1,11 +1,12 @@
 use super::*;
 use crate::daemon::painter::{Key, Painter, View};
 use crate::daemon::stage::{Cast, Stage};
-use crate::daemon::telemetry::SeenViewer;
+use crate::daemon::telemetry::{Event, EventKind, SeenViewer, Telemetry};
 use crate::daemon::wish::Wish;
 use crate::recording::file::{Entries, Writer};
-use crate::recording::{Eye, Layer, Stroke};
+use crate::recording::{Eye, Layer, Sent, Stroke};
 use crate::render::fast::FastRenderer;
+use crate::render::plan::Halftone;
 use glam::DVec3;
 use proptest::prelude::*;
 use protocol::message::Command;
@@ -108,6 +109,54 @@ fn numbers_come_back_from_a_file_bit_for_bit() {
     let mut read = Entries::new(bytes.as_slice());
     assert_eq!(Vec::from_iter(read.by_ref().map(Result::unwrap)), entries);
     assert!(!read.is_cut());
+}
+
+#[test]
+fn every_kind_of_entry_comes_back() {
+    let wish = crate::daemon::wish::tests::wish();
+    let event = Event { number: 3, unix_s: 0.1, kind: EventKind::Note, text: "text".into() };
+    let kinds = vec![
+        Entry::Wish(Box::new(wish)),
+        Entry::Reading(Arrived::new(None, Err(Refusal::Malformed))),
+        Entry::Action(serde_json::json!({ "load": { "torque_nm": -0.2 } })),
+        Entry::Controller(Controller { state: Some("locked".into()), ..Controller::default() }),
+        Entry::Sent(Sent { stroke: 4, turn: 9 }),
+        Entry::telemetry(&Telemetry::default()),
+        Entry::Event(event),
+        Entry::Lost { entries: 7 },
+    ];
+    let entries: Vec<Timed> = recorded().into_iter().chain(kinds.into_iter().map(|entry| (u64::MAX, entry))).collect();
+    let bytes = written(&entries);
+    assert_eq!(Vec::from_iter(Entries::new(bytes.as_slice()).map(Result::unwrap)), entries);
+}
+
+#[test]
+fn what_no_daemon_records_is_told_or_refused() {
+    let spoilt = |spoil: &dyn Fn(&mut Stroke)| {
+        let mut entries = recorded();
+        for (_, entry) in &mut entries {
+            if let Entry::Stroke(stroke) = entry {
+                spoil(stroke);
+            }
+        }
+        told(entries).turns
+    };
+    fn view(stroke: &mut Stroke) -> &mut View {
+        match &mut stroke.key {
+            Key::Scene(view) => view,
+            key => panic!("{key:?}"),
+        }
+    }
+    let first = |turns: Compared| turns.first[0].what.clone();
+    // All there are, and no more memory than that.
+    assert_eq!(spoilt(&|stroke| stroke.slices = vec![[0, u32::MAX]]).count, 12);
+    assert!(first(spoilt(&|stroke| view(stroke).wish.halftone = Halftone::Grey)).contains("halftone"));
+    assert!(first(spoilt(&|stroke| view(stroke).viewers[0].distance_m = -1.0)).contains("distance_m"));
+    let folder = tempfile::tempdir().unwrap();
+    let mut replay = Replay::begin((0, setup(BTreeMap::new())), means(&folder)).unwrap();
+    let wish = Wish { budget_px: -1.0, ..crate::daemon::wish::tests::wish() };
+    assert!(matches!(replay.tell((1, Entry::Stage(Cast::of(&wish)))), Err(ReplayError::Scene(..))));
+    assert!(matches!(replay.tell((u64::MAX, Entry::Lost { entries: 1 })), Err(ReplayError::Gap { .. })));
 }
 
 #[test]

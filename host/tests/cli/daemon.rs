@@ -31,7 +31,7 @@ impl Daemon {
     }
 
     /// The same of the rig that there is without any word.
-    fn launch(folder: &Path, arguments: &[&str]) -> Self {
+    pub fn launch(folder: &Path, arguments: &[&str]) -> Self {
         Self::on_display(None, folder, arguments)
     }
 

@@ -277,3 +277,36 @@ fn everything_at_once_takes_nothing_down() {
     }
     assert!(run.daemon.end().success());
 }
+
+/// From tracker to light on the reference rig, for README and CHANGELOG; nothing is asserted of the time itself.
+#[test]
+fn somebody_who_walks_is_followed() {
+    let desk = Desk::new();
+    let daemon = Daemon::launch(desk.folder.path(), &["--device", "sim:usb"]);
+    daemon.until("lit", |telemetry| telemetry["lit"] == true);
+    let start = Instant::now();
+    for (name, animation) in [
+        ("while the scene turns", json!({ "kind": "spin", "degrees_per_turn": 2.0 })),
+        ("at rest", json!({ "kind": "still" })),
+    ] {
+        assert_eq!(daemon.patch(&json!({ "animation": animation })).0, 200);
+        let until = Instant::now() + Duration::from_secs(12);
+        while Instant::now() < until {
+            let seconds = start.elapsed().as_secs_f64();
+            let (sin, cos) = (0.3 * seconds).sin_cos();
+            let here = json!([{ "id": 1, "position_m": [0.9 * sin, 0.4 + 0.1 * seconds.sin(), 0.9 * cos] }]);
+            assert_eq!(daemon.ask("POST", "/api/v1/viewers", &[], here.to_string().as_bytes()).0, 202);
+            thread::sleep(Duration::from_millis(16));
+        }
+        let telemetry = &daemon.json("/api/v1/status")["telemetry"];
+        let number = |key: &str| telemetry[key].as_f64().unwrap_or(f64::NAN);
+        println!(
+            "{name}: tracker to light {:.0} ms median, {} slices a turn, {:.1} turns a second on the link",
+            number("latency_ms"),
+            number("rendered_slices"),
+            number("link_turns_per_second"),
+        );
+        assert!(number("latency_ms") > 0.0, "{telemetry:#}");
+    }
+    assert!(daemon.end().success());
+}
