@@ -1,6 +1,6 @@
 //! `praxi record`: what happens to a display that runs, in a file.
 
-use super::{Failure, say};
+use super::{Failure, say, say_json};
 use crate::input;
 use crate::output::reason;
 use crate::recording::Entry;
@@ -34,6 +34,9 @@ pub(super) struct Args {
     /// How long to record, in seconds: 0.1 to 604800 [default: until Ctrl-C]
     #[arg(long, value_name = "SECONDS")]
     seconds: Option<f64>,
+    /// Print the counts as JSON
+    #[arg(long)]
+    json: bool,
 }
 
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
@@ -64,7 +67,11 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     }
     let written = writer.finish().map_err(failed)?;
     written.into_inner().map_err(|error| named(reason(error.error())))?.sync_all().or_else(is_no_disk)?;
-    say(format!("{counts}: {}", args.file.display()));
+    if args.json {
+        say_json(&counts.json());
+    } else {
+        say(format!("{counts}: {}", args.file.display()));
+    }
     if missing.is_none() && entries.is_cut() && !interrupted.load(Ordering::Relaxed) {
         missing = Some("the connection ended".into());
     }
@@ -131,6 +138,17 @@ struct Counts {
 }
 
 impl Counts {
+    fn seconds(&self) -> f64 {
+        self.last_ns.saturating_sub(self.first_ns.unwrap_or(self.last_ns)) as f64 / 1e9
+    }
+
+    fn json(&self) -> serde_json::Value {
+        let Self { turns, readings, orders, events, lost, .. } = self;
+        serde_json::json!({
+            "seconds": self.seconds(), "turns": turns, "readings": readings, "orders": orders, "events": events, "lost": lost,
+        })
+    }
+
     fn add(&mut self, (at_ns, entry): &(u64, Entry)) {
         self.first_ns.get_or_insert(*at_ns);
         self.last_ns = *at_ns;
@@ -148,8 +166,11 @@ impl Counts {
 impl std::fmt::Display for Counts {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { turns, readings, orders, events, lost, .. } = self;
-        let seconds = self.last_ns.saturating_sub(self.first_ns.unwrap_or(self.last_ns)) as f64 / 1e9;
-        write!(formatter, "{seconds:.1} s, {turns} turns, {readings} readings, {orders} orders, {events} events")?;
+        write!(
+            formatter,
+            "{:.1} s, {turns} turns, {readings} readings, {orders} orders, {events} events",
+            self.seconds()
+        )?;
         if *lost > 0 {
             write!(formatter, "; {lost} entries are missing: they came faster than they were written")?;
         }
