@@ -148,10 +148,10 @@ pub enum ConfigError {
     },
     /// See the message.
     #[error(
-        "frame_latency = {latency_ns} ns: a projector that follows the mirror must begin a frame within half of its {frame_ns} ns"
+        "frame_latency = {latency_ns} ns: a projector that follows the mirror or shows video must begin a frame within half of its {frame_ns} ns"
     )]
     LatencyTooLong {
-        /// From a trigger to its first plane.
+        /// From a trigger or a frame pulse to the first plane.
         latency_ns: u64,
         /// A frame at the rig's rate.
         frame_ns: u64,
@@ -217,7 +217,7 @@ impl Config {
             return Err(ConfigError::SpeedLimitBelowRig { speed_max_rad_s, speed_rad_s });
         }
         let (latency_ns, frame_ns) = (clock.frame_latency.0, self.rotation.frame_nanos());
-        if self.pacing == Pacing::SensorLocked && latency_ns > frame_ns / 2 {
+        if matches!(self.pacing, Pacing::SensorLocked | Pacing::VideoLocked) && latency_ns > frame_ns / 2 {
             return Err(ConfigError::LatencyTooLong { latency_ns, frame_ns });
         }
         Ok(self)
@@ -278,8 +278,10 @@ pub(crate) mod tests {
         let mut late = good;
         late.clock.frame_latency = Nanos(2_100_000);
         assert_eq!(late.checked(), Ok(late));
-        late.pacing = Pacing::SensorLocked;
-        assert!(matches!(late.checked(), Err(ConfigError::LatencyTooLong { .. })));
+        for pacing in [Pacing::SensorLocked, Pacing::VideoLocked] {
+            late.pacing = pacing;
+            assert!(matches!(late.checked(), Err(ConfigError::LatencyTooLong { .. })));
+        }
         let mut limited = good;
         limited.limits.speed_max_rad_s = 100.0;
         assert!(matches!(limited.checked(), Err(ConfigError::SpeedLimitBelowRig { .. })));

@@ -5,6 +5,7 @@ use crate::config::{Config, ConfigError};
 use crate::fault_log::{Cause, FaultLog};
 use crate::follower::Trigger;
 use crate::frames::Frames;
+use crate::pacing::Pacing;
 use crate::plane_store::TurnHandle;
 use crate::projector_sync::ProjectorSync;
 use crate::rotation::{Index, RotationEstimator};
@@ -20,6 +21,7 @@ use protocol::units::{Nanos, Turns};
 use serde::{Deserialize, Serialize};
 
 mod modes;
+mod video;
 
 /// What may happen to a controller.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -38,6 +40,14 @@ pub enum Input {
     PlanePulse {
         /// When, by the capture timer.
         at: Nanos,
+    },
+    /// The mark in the picture of the frame whose pulse comes next has been read, where frames come as video; within 0.4 frames after the pulse
+    /// before that.
+    FrameMark {
+        /// When.
+        at: Nanos,
+        /// The frame's number; none where there is no whole mark.
+        number: Option<u32>,
     },
     /// The mirror passed its index.
     IndexPulse {
@@ -144,7 +154,10 @@ impl Controller {
             rotation: RotationEstimator::new(&config),
             actuator: Actuator::new(&config),
             lock: VelocityLock::new(&config),
-            sequencer: Sequencer::default(),
+            sequencer: match config.pacing {
+                Pacing::VideoLocked => Sequencer::of_video(),
+                _ => Sequencer::default(),
+            },
             safety: Safety::new(config.limits, log),
             pace: Pace::new(&config),
             service_slice: 0,
@@ -173,6 +186,7 @@ impl Controller {
                 Pace::Sensor(follower) => follower.plane_pulse(at),
                 _ => self.projector.plane_pulse(at),
             },
+            Input::FrameMark { at, number } => self.mark(at, number),
             Input::IndexPulse { at } => {
                 // What surprises a mirror that was in step came from outside; before, the model may be wrong as well.
                 if self.rotation.index(at) == Index::Accepted && self.is_learning() {
@@ -337,8 +351,12 @@ impl Controller {
         if speed > 0.98 * self.config.limits.speed_max_rad_s {
             return None;
         }
-        let angle = self.frames.start(reading.frame) + self.frames.part(reading.fraction);
-        Some(Reference { angle, speed })
+        // Where frames have numbers, they and not the mirror say which is which.
+        let frame = match &self.pace {
+            Pace::Video(video) => self.frames.after(reading.frame, video.offset()),
+            _ => reading.frame,
+        };
+        Some(Reference { angle: self.frames.start(frame) + self.frames.part(reading.fraction), speed })
     }
 
     /// Inlined: for its second caller, in another mode, every tick would pay 10 instructions.
@@ -378,9 +396,10 @@ impl Controller {
             return;
         }
         self.armed_after = Some(reading.serial);
+        let may = self.may_show(&reading);
         let next = self.frames.after(reading.frame, 1 + self.slot());
-        let may = self.may_show(next);
         self.show(next, may, output);
+        self.blank_doubtful(output);
     }
 
     /// Arms frame `next` of the turn, dark unless it `may` be lit.

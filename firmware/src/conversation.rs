@@ -11,7 +11,7 @@ use heapless::Vec;
 use protocol::codec::ImageSize;
 use protocol::message::{
     Ack, AskMissing, BeginTurn, Command, Configure, EndTurn, Fault, Faults, Hello, HelloReply, KEEP_PLANES_MAX,
-    KeepPlanes, Message, Missing, Nack, PlaneData, Reason, SCHEMA, State, Status, VERSION,
+    KeepPlanes, Message, Missing, Nack, PlaneData, Reason, SCHEMA, State, Status, VERSION, VIDEO_TURN,
 };
 use protocol::packet::Counts;
 use protocol::timing::Rotation;
@@ -164,6 +164,9 @@ impl<S: PlaneStore> Conversation<S> {
 
     /// The host's number of a finished turn.
     pub fn turn_number(&self, turn: TurnHandle) -> Option<u32> {
+        if turn == TurnHandle::VIDEO {
+            return Some(VIDEO_TURN);
+        }
         self.finished.iter().find(|finished| finished.handle == turn).map(|finished| finished.number)
     }
 

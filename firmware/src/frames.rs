@@ -13,6 +13,9 @@ pub struct Frames {
 }
 
 impl Frames {
+    /// A turn that is one frame.
+    pub const ONE: Self = Self { count: NonZeroU16::MIN, scale: u64::MAX };
+
     /// Those of `rotation`.
     pub fn of(rotation: &Rotation) -> Self {
         let count = NonZeroU16::new(rotation.frames() as u16).unwrap_or(NonZeroU16::MIN);

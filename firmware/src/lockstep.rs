@@ -22,7 +22,7 @@ use protocol::units::Nanos;
 use serde::{Deserialize, Serialize};
 
 /// Counts up where requests or answers change.
-pub const VERSION: u16 = 5;
+pub const VERSION: u16 = 6;
 
 /// The most bytes of the host in one request.
 pub const HOST_BYTES_MAX: usize = 512;

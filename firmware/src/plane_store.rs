@@ -8,6 +8,11 @@ use protocol::message::{EndTurn, Learn, PlaneData, Reason};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub struct TurnHandle(pub u8);
 
+impl TurnHandle {
+    /// In no slot of a store: the turn without an end that comes as video.
+    pub const VIDEO: Self = Self(u8::MAX);
+}
+
 /// What the projector shows during one plane.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Plane {

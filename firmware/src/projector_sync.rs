@@ -228,9 +228,19 @@ impl ProjectorSync {
         }
         let frames = self.filter.edge.plus(self.latency_ns, 0.0).until(at) / self.period_ns();
         let whole = floor(frames);
-        let frame = self.frames.moved(self.frame, whole as i32);
-        let serial = self.serial.wrapping_add_signed(whole as i32);
+        let (serial, frame) = self.counted(whole as i32);
         Some(ClockReading { serial, frame, fraction: (frames - whole).clamp(0.0, 0.999_999_9) })
+    }
+
+    /// The frame after the one whose pulse, not light, was nearest to `at`: counted as in a [`ClockReading`].
+    pub fn after_pulse(&self, at: Nanos) -> Option<(u32, u32)> {
+        let frames = nearest(self.filter.edge.until(at) / self.period_ns());
+        self.tracking.then(|| self.counted(frames as i32 + 1))
+    }
+
+    /// The serial number and the place of the frame that is so many after the last edge's.
+    fn counted(&self, frames: i32) -> (u32, u32) {
+        (self.serial.wrapping_add_signed(frames), self.frames.moved(self.frame, frames))
     }
 
     fn accept(&mut self, at: Nanos) -> bool {

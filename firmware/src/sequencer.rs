@@ -48,11 +48,23 @@ pub struct Sequencer {
 }
 
 impl Sequencer {
+    /// Of a turn that comes as video, for ever: no other is taken.
+    pub fn of_video() -> Self {
+        Self { shown: Some(TurnHandle::VIDEO), ..Self::default() }
+    }
+
+    fn is_of_video(&self) -> bool {
+        self.shown == Some(TurnHandle::VIDEO)
+    }
+
     /// A whole turn is in slot `turn`. Returns the handle of a turn that waited and is now passed over. A handle that is already held
     /// is not taken twice.
     pub fn ready(&mut self, turn: TurnHandle) -> Option<TurnHandle> {
         if [self.shown, self.waiting, self.leaving].contains(&Some(turn)) {
             return None;
+        }
+        if self.is_of_video() {
+            return Some(turn);
         }
         self.waiting.replace(turn)
     }
@@ -90,6 +102,9 @@ impl Sequencer {
     /// Gives back the turns that it holds; of three, the third with the next call.
     pub fn vacate(&mut self) -> [Option<TurnHandle>; 2] {
         self.open = false;
+        if self.is_of_video() {
+            return [None; 2];
+        }
         let mut held = [&mut self.leaving, &mut self.waiting, &mut self.shown].into_iter().filter_map(Option::take);
         [held.next(), held.next()]
     }
@@ -127,6 +142,16 @@ mod tests {
         assert_eq!(sequencer.ready(TurnHandle(0)), None);
         assert_eq!(sequencer.ready(TurnHandle(1)), Some(TurnHandle(0)));
         assert_eq!(sequencer.still(7), (Frame::Still { turn: TurnHandle(1), slice: 7 }, None));
+    }
+
+    #[test]
+    fn video_stays_and_takes_no_turn() {
+        let (mut sequencer, turn) = (Sequencer::of_video(), TurnHandle::VIDEO);
+        assert_eq!(sequencer.ready(TurnHandle(1)), Some(TurnHandle(1)));
+        assert_eq!(sequencer.arm(2, true), (Frame::Dark, None));
+        assert_eq!(sequencer.arm(0, true), (Frame::Slices { turn, frame: 0 }, None));
+        assert_eq!((sequencer.vacate(), sequencer.arm(1, true)), ([None; 2], (Frame::Dark, None)));
+        assert_eq!(sequencer.still(3), (Frame::Still { turn, slice: 3 }, None));
     }
 
     #[derive(Clone, Debug)]

@@ -26,6 +26,8 @@ pub enum Source {
     PlanePulses,
     /// How soon a projector answers a trigger.
     Trigger,
+    /// Which bit of a mark arrives the other way.
+    Video,
 }
 
 /// The stream of one source.

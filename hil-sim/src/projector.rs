@@ -3,11 +3,15 @@
 
 use crate::motor::ProjectorClock;
 use crate::noise::{Noise, Source};
+use firmware::plane_store::TurnHandle;
 use firmware::sequencer::Frame;
+use protocol::frame_mark;
 use protocol::timing::Rotation;
 use std::collections::VecDeque;
+use video::{Video, VideoFault};
 
 pub mod triggered;
+pub mod video;
 
 /// A projector, whoever leads it. Times in nanoseconds.
 pub trait Projector: Send {
@@ -37,6 +41,14 @@ pub trait Projector: Send {
 
     /// The pulse has been.
     fn pass_pulse(&mut self);
+
+    /// The mark of the frame whose pulse comes next, once: when it has been read, and its number. Only where frames come as video.
+    fn take_mark(&mut self) -> Option<(f64, Option<u32>)> {
+        None
+    }
+
+    /// Something happens to the video, where there is one.
+    fn fail_video(&mut self, _fault: VideoFault) {}
 }
 
 /// One frame of light.
@@ -44,7 +56,12 @@ pub trait Projector: Send {
 struct Light {
     start: f64,
     period: f64,
+    /// The frame of the turn that its picture is, where it comes as video; none is a desktop.
+    number: Option<u32>,
 }
+
+/// A mark has been read so long after the pulse of the frame before its own, in frames: it is in the first of the lines that a link carries.
+const MARK_READ_AFTER: f64 = 0.03;
 
 /// The clock and what is on screen. Times in nanoseconds.
 #[derive(Clone, Debug)]
@@ -65,6 +82,8 @@ pub struct FreeRunning {
     next_plane: u32,
     armed: Option<Frame>,
     shown: Frame,
+    video: Option<Video>,
+    mark: Option<(f64, Option<u32>)>,
 }
 
 /// The start of a plane.
@@ -74,6 +93,8 @@ pub struct PlaneStart {
     pub plane: u32,
     /// What the projector shows in this frame.
     pub frame: Frame,
+    /// Which frame of the turn the picture is that is there to be lit, where it comes as video.
+    pub number: Option<u32>,
     /// How long the plane lasts, ns.
     pub duration_ns: f64,
     /// By how much the plane's pulse is off, ns.
@@ -98,21 +119,43 @@ impl FreeRunning {
             next_edge: (0.1 + start.uniform()) * period_ns,
             pulse_at: 0.0,
             coming: VecDeque::new(),
-            light: Light { start: 0.0, period: period_ns },
+            light: Light { start: 0.0, period: period_ns, number: None },
             next_plane: 0,
             armed: None,
             shown: Frame::Dark,
+            video: None,
+            mark: None,
         };
         projector.begin_frame();
         projector.light = projector.coming.pop_front().unwrap_or(projector.light);
         projector
     }
 
+    /// The same where frames come as `video`: what is armed says whether they are lit, not what they are.
+    pub fn showing(self, video: Video) -> Self {
+        Self { video: Some(video), ..self }
+    }
+
     fn begin_frame(&mut self) {
         let period = self.draw_period();
-        self.coming.push_back(Light { start: self.next_edge + self.latency_ns, period });
+        let number = self.video.as_ref().and_then(Video::on_screen);
+        self.coming.push_back(Light { start: self.next_edge + self.latency_ns, period, number });
         self.pulse_at = self.next_edge + self.jitter_ns * self.pulse_noise.normal();
+        if let Some(video) = &mut self.video {
+            let pixels = video.refresh();
+            self.mark = Some((self.next_edge + MARK_READ_AFTER * period, frame_mark::read(&pixels)));
+        }
         self.next_edge += period;
+    }
+
+    /// What is lit where `armed` is what the controller wants: of video, the picture that is there. A desktop is no slice of any turn.
+    fn lit(&self, armed: Frame) -> Frame {
+        let turn = TurnHandle::VIDEO;
+        match (armed, &self.video, self.light.number) {
+            (Frame::Dark | Frame::Still { .. }, ..) | (_, None, _) => armed,
+            (_, Some(_), Some(number)) => Frame::Slices { turn, frame: number as u16 },
+            (_, Some(_), None) => Frame::Still { turn, slice: u16::MAX },
+        }
     }
 
     fn draw_period(&mut self) -> f64 {
@@ -147,18 +190,20 @@ impl Projector for FreeRunning {
 
     fn change(&mut self) -> Option<PlaneStart> {
         if self.next_plane == 0 {
-            self.shown = self.armed.take().unwrap_or_default();
+            let armed = self.armed.take().unwrap_or_default();
+            self.shown = self.lit(armed);
         }
         let start = PlaneStart {
             plane: self.next_plane,
             frame: self.shown,
+            number: self.light.number,
             duration_ns: self.light.period / f64::from(self.planes),
             pulse_error_ns: self.jitter_ns * self.plane_noise.normal(),
         };
         self.next_plane += 1;
         if self.next_plane == self.planes {
             self.next_plane = 0;
-            let after = Light { start: self.light.start + self.light.period, period: self.light.period };
+            let after = Light { start: self.light.start + self.light.period, ..self.light };
             self.light = self.coming.pop_front().unwrap_or(after);
         }
         Some(start)
@@ -170,6 +215,16 @@ impl Projector for FreeRunning {
 
     fn pass_pulse(&mut self) {
         self.begin_frame();
+    }
+
+    fn take_mark(&mut self) -> Option<(f64, Option<u32>)> {
+        self.mark.take()
+    }
+
+    fn fail_video(&mut self, fault: VideoFault) {
+        if let Some(video) = &mut self.video {
+            video.fail(fault);
+        }
     }
 }
 

@@ -12,6 +12,7 @@
 
 use crate::check::{Range, ValueError};
 use crate::expectation::Expectation;
+use crate::projector::video::VideoFault;
 pub use firmware::pacing::Pacing;
 use protocol::rig::toml_problem;
 use serde::{Deserialize, Serialize};
@@ -152,6 +153,8 @@ pub enum Action {
         /// For how long.
         seconds: f64,
     },
+    /// Something goes wrong with a frame that comes as video; of several at once, with one after the other.
+    Video(VideoFault),
     /// The projector runs at another rate from its next frame on.
     ProjectorRate {
         /// Its nominal rate.
@@ -211,7 +214,7 @@ impl Default for Scenario {
 
 impl Scenario {
     /// The names of the scenarios that come with the simulator.
-    pub const BUILT_IN: [&str; 26] = [
+    pub const BUILT_IN: [&str; 28] = [
         "plain",
         "second-motor",
         "smooth-motor",
@@ -238,6 +241,8 @@ impl Scenario {
         "open-loop",
         "open-loop-rates",
         "open-loop-stop",
+        "video",
+        "video-faults",
     ];
 
     /// A scenario that comes with the simulator, by its name.
@@ -269,6 +274,8 @@ impl Scenario {
             "open-loop" => include_str!("../scenarios/open-loop.toml"),
             "open-loop-rates" => include_str!("../scenarios/open-loop-rates.toml"),
             "open-loop-stop" => include_str!("../scenarios/open-loop-stop.toml"),
+            "video" => include_str!("../scenarios/video.toml"),
+            "video-faults" => include_str!("../scenarios/video-faults.toml"),
             _ => return None,
         };
         Some(Self::from_toml(text).expect("a file of this crate, tested below"))

@@ -8,6 +8,7 @@ use crate::faults::{CounterFaults, PulseFaults};
 use crate::motor::Motor;
 use crate::plant::{Plant, Stretch};
 use crate::projector::triggered::Triggered;
+use crate::projector::video::Video;
 use crate::projector::{FreeRunning, Projector};
 use crate::scenario::{Action, Scenario};
 use crate::sensors::{Encoder, Index};
@@ -132,6 +133,8 @@ pub struct World {
 enum Pulse {
     Frame,
     Index,
+    /// The mark of the frame that comes next has been read.
+    Mark(Option<u32>),
     /// A plane's, with the time by which the controller is stamped it.
     Plane {
         stamp_ns: f64,
@@ -167,6 +170,11 @@ impl World {
         let projector: Box<dyn Projector> = match scenario.pacing {
             Pacing::SensorLocked => Box::new(Triggered::new(rotation, latency_ns, clock, seed)),
             Pacing::FrameLocked | Pacing::FixedSpeed => Box::new(FreeRunning::new(rotation, latency_ns, clock, seed)),
+            Pacing::VideoLocked => {
+                // Nothing in the rig says with which frame a host begins.
+                let video = Video::new(rotation, (seed % u64::from(rotation.frames())) as u32, seed);
+                Box::new(FreeRunning::new(rotation, latency_ns, clock, seed).showing(video))
+            }
         };
         let unmeasured = scenario.pacing == Pacing::FixedSpeed;
         Self {
@@ -211,7 +219,7 @@ impl World {
             checkers: Checkers::new(rotation),
             collector: match scenario.pacing {
                 Pacing::SensorLocked => Collector::following(),
-                Pacing::FrameLocked | Pacing::FixedSpeed => Collector::default(),
+                Pacing::FrameLocked | Pacing::VideoLocked | Pacing::FixedSpeed => Collector::default(),
             },
             recording: Recording::default(),
             flashes: VecDeque::new(),
@@ -282,6 +290,7 @@ impl World {
                 self.change_light(plane.max(from), stretch.angle((plane.max(from) - from) * 1e-9));
             } else if first == frame {
                 self.projector.pass_pulse();
+                self.pulses.extend(self.projector.take_mark().map(|(at, number)| (at, Pulse::Mark(number))));
                 if self.frame_faults.passes(frame) {
                     let echo = self.frame_faults.echo(frame.max(from)).map(|at| (at, Pulse::Frame));
                     self.pulses.extend([(frame.max(from), Pulse::Frame)].into_iter().chain(echo));
@@ -338,6 +347,7 @@ impl World {
         let input = match pulse {
             Pulse::Frame => Input::FramePulse { at: stamp(at) },
             Pulse::Index => Input::IndexPulse { at: stamp(at) },
+            Pulse::Mark(number) => Input::FrameMark { at: stamp(at), number },
             Pulse::Plane { stamp_ns } => Input::PlanePulse { at: stamp(stamp_ns) },
         };
         self.feed_at(at.max(self.now), angle, input);

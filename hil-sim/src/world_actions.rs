@@ -50,6 +50,7 @@ impl World {
             Action::ExtraIndexPulse => self.pulses.push((self.now, Pulse::Index)),
             Action::EncoderSlip { counts } => self.encoder_faults.slip(i64::from(counts)),
             Action::EncoderFrozen { seconds } => self.encoder_faults.freeze(later(seconds)),
+            Action::Video(fault) => self.projector.fail_video(fault),
             Action::ProjectorRate { hz } => {
                 self.projector.set_rate(hz);
                 self.checkers.set_turn_duration(1e9 * f64::from(self.rotation.frames()) / hz);

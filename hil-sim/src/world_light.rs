@@ -29,7 +29,12 @@ impl World {
         let progress = self.sign * (angle - self.rotation.phase_offset().radians()) / TAU - phase.unwrap_or(0.0);
         let planes = f64::from(self.rotation.planes_per_frame());
         let frames = (progress * f64::from(self.rotation.slices()) - f64::from(start.plane)) / planes;
-        let error_slices = (frames - frames.round()) * planes;
+        // A frame that says which it is belongs in one place, any other in the nearest.
+        let [apart, off] = match start.number {
+            Some(number) => [f64::from(self.rotation.frames()), frames - f64::from(number)],
+            None => [1.0, frames],
+        };
+        let error_slices = (off - apart * (off / apart).round()) * planes;
         // Where planes belong that nothing measures is not known before some have been seen.
         let light = self.output.light && (phase.is_some() || !unmeasured);
         self.collector.plane(at * 1e-9, error_slices, start.duration_ns, self.output.state, light);

@@ -189,8 +189,9 @@ impl Daemon {
             hub.event(EventKind::Warning, text);
         }
         let injector = Injector::default();
-        let simulated =
-            Simulated { rig: Rig::clone(&rig), seed: config.seed, clock: Clock::Wall, injector: injector.clone() };
+        let by_video = setup.by_video;
+        let simulated = Simulated::new(Rig::clone(&rig), config.seed, Clock::Wall);
+        let simulated = Simulated { injector: injector.clone(), by_video, ..simulated };
         let injector = matches!(address, Address::Sim(_)).then_some(injector);
         let mailbox = Mailbox::default();
         let notice: Notice = {
@@ -210,7 +211,7 @@ impl Daemon {
             Output::Device => None,
             Output::Video(monitor) => Some(Video::new(Arc::clone(&hub), Arc::clone(&rig), monitor, mailbox.clone())),
         };
-        let (to_send, by_video) = (mailbox.clone(), video.is_some());
+        let to_send = mailbox.clone();
         let show = Show::new(Arc::clone(&hub), Arc::clone(&rig), address, simulated, to_send, by_video, config.faults);
         let followers =
             followed::listen(&hub, &tracking).map_err(|error| DaemonError::State("trackers".into(), error))?;

@@ -175,12 +175,12 @@ impl Replay {
     /// Of a recording that begins with `first`.
     pub fn begin(first: Timed, means: Means) -> Result<Self, ReplayError> {
         let (first_ns, Entry::Setup(setup)) = first else { return Err(ReplayError::NoSetup) };
-        let Setup { rig, device, seed, triangles_max, heads, .. } = *setup;
+        let Setup { rig, device, seed, by_video, triangles_max, heads, .. } = *setup;
         let rig = Arc::new(rig.checked()?);
         let size = ImageSize::new(rig.projector.width_px, rig.projector.height_px)?;
         let viewers = Viewers::new(&rig.tracking.clone().unwrap_or_default()).with_heads(heads);
         let report = Report { rig: rig.name.clone(), device, ..Report::default() };
-        let machine = Machine::new(Arc::clone(&rig), size, seed)?;
+        let machine = Machine::new(Arc::clone(&rig), size, seed, by_video)?;
         let Means { renderer, scene, folder } = means;
         let library = Library::open(folder, crate::daemon::config::UploadKeys::default(), PathBuf::new());
         let library = library.map_err(|error| ReplayError::Scene("folder".into(), error.to_string()))?;

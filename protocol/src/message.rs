@@ -27,6 +27,9 @@ pub const LEARN_PART_BYTES: usize = 512;
 /// The most planes of one [`KeepPlanes`]: a device copies them before it hears the next packet.
 pub const KEEP_PLANES_MAX: u16 = 32;
 
+/// What a controller says for the number of a turn whose frames come as video.
+pub const VIDEO_TURN: u32 = u32::MAX;
+
 /// Which end receives a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Receiver {
@@ -239,7 +242,7 @@ wire! {
         speed_microhertz: u32,
         /// Turns that came on screen.
         turns_shown: u32,
-        /// The host's number of the turn on screen.
+        /// The host's number of the turn on screen; 4294967295 where its frames come as video.
         turn_on_screen: Option<u32>,
         /// Turns that arrived whole.
         turns_received: u32,

@@ -1,5 +1,6 @@
 //! What the other modes do in place of the lock: the projector follows the mirror, or a drive that keeps its own speed follows the projector.
 
+use super::video::Video;
 use super::{Controller, Output};
 use crate::angle::radians_between;
 use crate::config::Config;
@@ -7,7 +8,9 @@ use crate::follower::Follower;
 use crate::pacing::Pacing;
 use crate::projector_sync::ClockReading;
 use crate::safety::Conditions;
+use crate::sequencer::Frame;
 use crate::speed_command::SpeedCommand;
+use crate::video_index::Known;
 use protocol::message::State;
 use protocol::units::{Nanos, Turns};
 
@@ -15,6 +18,7 @@ use protocol::units::{Nanos, Turns};
 #[derive(Clone, Debug)]
 pub(super) enum Pace {
     Frame,
+    Video(Video),
     Sensor(Follower),
     Fixed(SpeedCommand),
 }
@@ -23,6 +27,7 @@ impl Pace {
     pub(super) fn new(config: &Config) -> Self {
         match config.pacing {
             Pacing::FrameLocked => Self::Frame,
+            Pacing::VideoLocked => Self::Video(Video::new(config)),
             Pacing::SensorLocked => Self::Sensor(Follower::new(config)),
             Pacing::FixedSpeed => Self::Fixed(SpeedCommand::new(config)),
         }
@@ -31,7 +36,7 @@ impl Pace {
     /// The mirror is let go.
     pub(super) fn release(&mut self) {
         match self {
-            Self::Frame | Self::Sensor(_) => {}
+            Self::Frame | Self::Video(_) | Self::Sensor(_) => {}
             Self::Fixed(drive) => drive.release(),
         }
     }
@@ -58,6 +63,7 @@ impl Controller {
     pub(super) fn slot(&self) -> u32 {
         match &self.pace {
             Pace::Frame => self.lock.slot(),
+            Pace::Video(video) => video.offset(),
             Pace::Sensor(_) => 0,
             Pace::Fixed(drive) => drive.slot(),
         }
@@ -94,6 +100,7 @@ impl Controller {
     pub(super) fn conditions_of_mode(&self, now: Nanos) -> Conditions {
         match &self.pace {
             Pace::Frame => Conditions::default(),
+            Pace::Video(_) => self.conditions(),
             Pace::Sensor(follower) => self.conditions_of_follower(now, follower),
             Pace::Fixed(drive) => self.conditions_of_drive(now, drive),
         }
@@ -141,11 +148,34 @@ impl Controller {
         }
     }
 
-    /// Whether frame `next` may be lit: not where the picture is turned in it. Call once a frame, during the one before.
-    pub(super) fn may_show(&mut self, next: u32) -> bool {
+    /// Frames that come as video say which they are.
+    #[cold]
+    pub(super) fn mark(&mut self, at: Nanos, number: Option<u32>) {
+        if let (Pace::Video(video), Some(frame)) = (&mut self.pace, self.projector.after_pulse(at)) {
+            video.mark(frame, number);
+        }
+    }
+
+    /// Whether the frame after the one on screen may be lit: not where the picture is turned in it, nor where nobody knows which it is. Call once
+    /// a frame.
+    pub(super) fn may_show(&mut self, on_screen: &ClockReading) -> bool {
         match &mut self.pace {
-            Pace::Fixed(drive) => !drive.turns_picture(next),
+            Pace::Fixed(drive) => !drive.turns_picture(self.frames.after(on_screen.frame, 1 + drive.slot())),
+            Pace::Video(video) => {
+                let next = (on_screen.serial.wrapping_add(1), self.frames.after(on_screen.frame, 1));
+                // One in doubt leaves a gap in the turn, unless the turn began with it.
+                !matches!(video.known(next), Known::Nothing | Known::Doubtful(0))
+            }
             _ => true,
+        }
+    }
+
+    /// A frame whose mark does not say that it is the one that is due stays dark, within a turn that goes on.
+    pub(super) fn blank_doubtful(&self, output: &mut Output) {
+        if let Pace::Video(video) = &self.pace
+            && video.is_doubtful()
+        {
+            output.armed = Some(Frame::Dark);
         }
     }
 
@@ -172,7 +202,7 @@ impl Controller {
     /// The mirror's phase ahead of what is on screen.
     pub(super) fn error_slices(&self) -> f32 {
         match &self.pace {
-            Pace::Frame => self.lock.error_slices(),
+            Pace::Frame | Pace::Video(_) => self.lock.error_slices(),
             Pace::Sensor(follower) => self.error_to(self.last_tick.and_then(|now| follower.reading(now))),
             Pace::Fixed(_) => 0.0,
         }

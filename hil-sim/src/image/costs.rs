@@ -70,7 +70,7 @@ fn kind(input: &Input) -> usize {
         Input::FramePulse { .. } => 1,
         Input::PlanePulse { .. } => 2,
         Input::IndexPulse { .. } => 3,
-        Input::Command(_) | Input::TurnReady(_) | Input::Levels(_) | Input::Vacate => 4,
+        Input::Command(_) | Input::TurnReady(_) | Input::Levels(_) | Input::Vacate | Input::FrameMark { .. } => 4,
     }
 }
 

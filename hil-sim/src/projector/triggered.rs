@@ -115,6 +115,7 @@ impl Projector for Triggered {
         Some(PlaneStart {
             plane: half / 2,
             frame: self.shown,
+            number: None,
             duration_ns: burst.plane_ns,
             pulse_error_ns: self.jitter_ns * self.plane_noise.normal(),
         })

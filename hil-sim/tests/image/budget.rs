@@ -11,7 +11,7 @@ const PLANE_INSTRUCTIONS: u64 = 7_000;
 /// A packet of the host is opened, its plane expanded and checked, and its answer made on top of each other: without a host it takes 5,100. An expander
 /// of 3 KiB is made there before it goes to its place.
 const STACK_BYTES: u64 = 12 * 1024;
-/// 55 KiB of it are the host's end: messages, their packets, planes that expand; 13 are the two other ways to keep step.
+/// 55 KiB of it are the host's end: messages, their packets, planes that expand; 16 are the three other ways to keep step.
 const FLASH_BYTES: u64 = 152 * 1024;
 /// The longest packet, of 16 KiB, is checked before it is believed; a plane that expands takes 3 KiB.
 const RAM_BYTES: u64 = 24 * 1024;

@@ -6,7 +6,7 @@ use super::{Failure, hanging, say, say_json};
 use crate::doctor::{Carrier, Finding, Verdict, examine};
 use crate::link::LinkError;
 use crate::link::address::Address;
-use crate::link::sim::{Clock, Injector, Simulated};
+use crate::link::sim::{Clock, Simulated};
 use crate::link::usb::NO_USB;
 use crate::rigs;
 use protocol::rig::Rig;
@@ -69,8 +69,7 @@ fn examined(args: &Args, rig: &Rig, tell: &mut dyn FnMut(Finding)) {
     if has_none {
         return;
     }
-    let simulated =
-        Simulated { rig: rig.clone(), seed: args.seed, clock: Clock::Simulated, injector: Injector::default() };
+    let simulated = Simulated::new(rig.clone(), args.seed, Clock::Simulated);
     let link = args.device.way(&simulated).and_then(|mut way| way.connect());
     reached(&args.device, link.as_ref().err()).into_iter().for_each(&mut *tell);
     if let Ok(mut link) = link {

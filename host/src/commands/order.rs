@@ -2,7 +2,7 @@
 
 use super::{Failure, say, say_json};
 use crate::link::address::Address;
-use crate::link::sim::{Clock, Injector, Simulated};
+use crate::link::sim::{Clock, Simulated};
 use crate::rigs;
 use crate::stream::order;
 use protocol::message::Command;
@@ -50,8 +50,7 @@ fn degrees(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
-    let simulated =
-        Simulated { rig: rigs::find("reference")?, seed: 1, clock: Clock::Simulated, injector: Injector::default() };
+    let simulated = Simulated::new(rigs::find("reference")?, 1, Clock::Simulated);
     let command = match args.order {
         Order::Start => Command::Start,
         Order::Stop => Command::Stop,

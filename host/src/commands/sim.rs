@@ -41,12 +41,10 @@ pub(super) struct Args {
     /// A motor file, or reference
     #[arg(long, default_value = REFERENCE_MOTOR)]
     motor: String,
-    /// A file of commands and faults over time, or plain, second-motor, smooth-motor, pulses, dropouts, rate-step, emergency-stop, follow,
-    /// open-loop
-    #[arg(long, default_value = PLAIN)]
+    #[arg(long, default_value = PLAIN, help = format!("A file of commands and faults over time, or {}", Scenario::BUILT_IN.join(", ")))]
     scenario: String,
-    /// Who leads, in place of what the scenario says: the projector's clock, the mirror's sensors, or a drive that keeps its own
-    /// speed while nothing measures the mirror
+    /// Who leads, in place of what the scenario says: the projector's clock, the same by video whose frames have numbers, the mirror's sensors,
+    /// or a drive that keeps its own speed while nothing measures the mirror
     #[arg(long, value_enum)]
     pacing: Option<Leader>,
     /// Simulated seconds
@@ -86,6 +84,7 @@ enum Serve {
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Leader {
     Frame,
+    Video,
     Sensor,
     Fixed,
 }
@@ -94,6 +93,7 @@ impl Leader {
     fn pacing(self) -> Pacing {
         match self {
             Self::Frame => Pacing::FrameLocked,
+            Self::Video => Pacing::VideoLocked,
             Self::Sensor => Pacing::SensorLocked,
             Self::Fixed => Pacing::FixedSpeed,
         }

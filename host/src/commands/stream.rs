@@ -8,7 +8,7 @@ use super::args::{PlanArgs, RendererArgs, seed};
 use super::{Failure, say, warn};
 use crate::halftoned::Halftoned;
 use crate::link::address::{Address, Way};
-use crate::link::sim::{Clock, Injector, Simulated};
+use crate::link::sim::{Clock, Simulated};
 use crate::render::Renderer;
 use crate::render::plan::Halftone;
 use crate::render::turn::Turn;
@@ -134,7 +134,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let renderer = args.renderer.open()?;
     let program = Program::load(args, &rig)?;
     let standby = standby(args, &rig, renderer.as_ref())?;
-    let simulated = Simulated { rig: rig.clone(), seed: args.seed, clock: Clock::Wall, injector: Injector::default() };
+    let simulated = Simulated::new(rig.clone(), args.seed, Clock::Wall);
     let way = args.device.way(&simulated)?;
     let look_for = Duration::from_secs_f64(args.look_for_s);
     let display = Live::new(way, &rig.rotation(), size, [DEADLINE, look_for]);

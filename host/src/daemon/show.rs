@@ -13,7 +13,7 @@ use crate::stream::live::{Live, Nothing, Progress, Source, Step, Totals};
 use crate::stream::mailbox::Mailbox;
 use crate::stream::{Statistics, StreamError};
 use protocol::codec::ImageSize;
-use protocol::message::{Command, Fault, State, Status};
+use protocol::message::{Command, Fault, State, Status, VIDEO_TURN};
 use protocol::rig::Rig;
 use std::collections::VecDeque;
 use std::convert::Infallible;
@@ -34,6 +34,8 @@ const TELL_EVERY: Duration = Duration::from_millis(50);
 const WINDOW: Duration = Duration::from_secs(1);
 /// Turns that may be on the controller or on their way.
 const SENT: usize = 4;
+/// A video without numbers is told of after so long: another host may be about to begin.
+const DARK_TOLD: Duration = Duration::from_secs(2);
 const HOUR: Duration = Duration::from_secs(3_600);
 
 /// What the thread has at hand.
@@ -51,6 +53,8 @@ pub struct Show {
     /// What recordings were told last, and how many there had been.
     recorded: Option<(u64, Controller)>,
     on_screen: Option<u32>,
+    /// Of video, in a controller that may light.
+    darkness: Darkness,
     marks: VecDeque<(Instant, u64, Statistics)>,
     told_at: Option<Instant>,
     latency: Latency,
@@ -60,6 +64,14 @@ pub struct Show {
     cleared: VecDeque<Instant>,
     /// Counts of connections that ended: delivered, late, failed, reconnects, bytes on the wire.
     before: [u64; 5],
+}
+
+/// For how long it has been dark for no reason, and whether that was told.
+#[derive(Clone, Copy)]
+enum Darkness {
+    No,
+    Since(Instant),
+    Told,
 }
 
 type Display = Live<Way, Picture>;
@@ -123,6 +135,7 @@ impl Show {
             sent: VecDeque::new(),
             recorded: None,
             on_screen: None,
+            darkness: Darkness::No,
             marks: VecDeque::new(),
             told_at: None,
             latency: Latency::default(),
@@ -294,7 +307,9 @@ impl Show {
         let said = self.hear_fault(status, cause);
         self.tell_recordings(Controller::of(status, cause));
         if self.by_video {
-            self.light(status.state.may_light());
+            let (may, is_lit) = (status.state.may_light(), status.turn_on_screen.is_some());
+            self.light(may && is_lit);
+            self.watch_darkness(may && !is_lit);
         } else if status.turn_on_screen != self.on_screen || !status.state.may_light() {
             self.look_at_screen(status);
         }
@@ -340,6 +355,21 @@ impl Show {
         if matches!(fault, Fault::EmergencyStop | Fault::GuardOpen) {
             let Ok(_) = self.hub.change_wish(|wish| Ok::<_, Infallible>(Wish { motor: false, ..wish.clone() }));
         }
+    }
+
+    /// A mirror that is in step with a video that says nothing is worth a word, once.
+    fn watch_darkness(&mut self, is_dark: bool) {
+        self.darkness = match self.darkness {
+            _ if !is_dark => Darkness::No,
+            Darkness::No => Darkness::Since(Instant::now()),
+            Darkness::Since(since) if since.elapsed() > DARK_TOLD => {
+                let text = "the controller reads no numbers in the video's frames: is the monitor the projector, and does nothing between them \
+                            change a bit of the picture?";
+                self.hub.event(EventKind::Warning, text);
+                Darkness::Told
+            }
+            as_before => as_before,
+        };
     }
 
     /// Another turn is on screen, or none.
@@ -414,7 +444,7 @@ impl Show {
                 telemetry.phase_error_slices = error.filter(|_| status.measured && status.state.may_light());
                 telemetry.mirror_turns_per_second = f64::from(status.speed_microhertz) / 1e6;
                 telemetry.turns_shown = status.turns_shown;
-                telemetry.turn_on_screen = status.turn_on_screen;
+                telemetry.turn_on_screen = status.turn_on_screen.filter(|number| *number != VIDEO_TURN);
             }
         });
     }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::link::sim::{Cable, Clock, Injector, SimLink, Simulated};
+use crate::link::sim::{Cable, Clock, SimLink, Simulated};
 use crate::link::{Connect, LinkError};
 use crate::stream::{Stream, TurnPlanes};
 use hil_sim::device::{Device, Endpoint};
@@ -41,7 +41,7 @@ fn a_healthy_device_passes_every_check_and_is_left_as_it_was() {
 #[test]
 fn a_paced_line_is_measured() {
     for (cable, expected) in [(Cable::Usb, 45e6), (Cable::Serial(1_000_000), 100e3)] {
-        let simulated = Simulated { rig: rig(), seed: 1, clock: Clock::Simulated, injector: Injector::default() };
+        let simulated = Simulated::new(rig(), 1, Clock::Simulated);
         let mut link = simulated.connect_by(cable).unwrap().connect().unwrap();
         let findings = examined(&mut link, Carrier::Other);
         assert!(findings.iter().all(|finding| finding.verdict != Verdict::Failed), "{findings:#?}");
@@ -53,7 +53,7 @@ fn a_paced_line_is_measured() {
 
 #[test]
 fn a_line_that_is_too_slow_is_not_put_to_the_loopback() {
-    let simulated = Simulated { rig: rig(), seed: 1, clock: Clock::Simulated, injector: Injector::default() };
+    let simulated = Simulated::new(rig(), 1, Clock::Simulated);
     let mut link = simulated.connect_by(Cable::Serial(2_400)).unwrap().connect().unwrap();
     let findings = examined(&mut link, Carrier::Other);
     // 288 packets of 40 bytes at 240 bytes a second.

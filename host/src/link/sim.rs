@@ -7,7 +7,7 @@ pub use hil_sim::simulator::Injector;
 use super::{Connect, Link, LinkError};
 use hil_sim::motor::Motor;
 use hil_sim::paced::{Pace, Paced};
-use hil_sim::scenario::Scenario;
+use hil_sim::scenario::{Pacing, Scenario};
 use hil_sim::served::{self, Pump};
 use hil_sim::simulator::Simulator;
 use protocol::rig::Rig;
@@ -238,12 +238,21 @@ pub struct Simulated {
     pub clock: Clock,
     /// What happens to it from outside.
     pub injector: Injector,
+    /// Whether its projector shows video, which arrives there as it should: as that of this rig, in its own time.
+    pub by_video: bool,
 }
 
 impl Simulated {
+    /// One to which nothing happens, and to which turns come over the wire.
+    pub fn new(rig: Rig, seed: u64, clock: Clock) -> Self {
+        Self { rig, seed, clock, injector: Injector::default(), by_video: false }
+    }
+
     /// The way to one with the reference motor, which nobody has started. A rig that the controller refuses is no device, and the error says why.
     pub fn connect_by(&self, cable: Cable) -> Result<SimConnect<Box<dyn Endpoint + Send>>, LinkError> {
-        let simulator = Simulator::new(&self.rig, Motor::reference(), Scenario::without_events(), self.seed);
+        let pacing = if self.by_video { Pacing::VideoLocked } else { Pacing::FrameLocked };
+        let scenario = Scenario { pacing, ..Scenario::without_events() };
+        let simulator = Simulator::new(&self.rig, Motor::reference(), scenario, self.seed);
         let simulator = simulator.map_err(|error| LinkError::Absent {
             name: "sim".into(),
             remedy: format!("the simulated controller refuses rig {}: {error}", self.rig.name),
@@ -272,7 +281,7 @@ mod tests {
     const RIG: &str = include_str!("../../rigs/reference.toml");
 
     fn simulated(clock: Clock) -> Simulated {
-        Simulated { rig: Rig::parse(RIG).unwrap(), seed: 1, clock, injector: Injector::default() }
+        Simulated::new(Rig::parse(RIG).unwrap(), 1, clock)
     }
 
     #[test]

@@ -37,9 +37,10 @@ pub(super) struct Machine {
 
 impl Machine {
     /// One that nobody has started.
-    pub(super) fn new(rig: Arc<Rig>, size: ImageSize, seed: u64) -> Result<Self, ReplayError> {
+    pub(super) fn new(rig: Arc<Rig>, size: ImageSize, seed: u64, by_video: bool) -> Result<Self, ReplayError> {
         let injector = Injector::default();
-        let simulated = Simulated { rig: Rig::clone(&rig), seed, clock: Clock::Simulated, injector: injector.clone() };
+        let simulated = Simulated::new(Rig::clone(&rig), seed, Clock::Simulated);
+        let simulated = Simulated { injector: injector.clone(), by_video, ..simulated };
         let mut way = simulated.connect_by(Cable::None)?;
         let stream = Stream::new(way.connect()?, &rig.rotation(), size)?;
         let zero = stream.link().now();

@@ -127,6 +127,15 @@ fn every_bit_of_every_frame_is_on_screen() {
     let figures = String::from_utf8(daemon.get("/metrics")).unwrap();
     assert!(figures.contains("praxi_video_frames_total{outcome=\"shown\"} "), "{figures}");
     assert!(figures.contains("praxi_video_frames_total{outcome=\"late\"} "), "{figures}");
+    // The projector is given a desktop for ever.
+    let desktop = json!({ "video": { "restart": { "gap": 1_000_000, "first": 0 } } });
+    assert_eq!(daemon.ask("POST", "/api/v1/simulator", &[], desktop.to_string().as_bytes()).0, 202);
+    daemon.until("dark", |telemetry| telemetry["lit"] == false && telemetry["state"] == "locked");
+    let is_told = || daemon.json("/api/v1/events").to_string().contains("reads no numbers");
+    let start = Instant::now();
+    while !is_told() {
+        assert!(start.elapsed() < PATIENCE, "nobody says why it is dark");
+    }
     assert!(daemon.end().success());
 }
 

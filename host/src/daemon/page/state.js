@@ -72,9 +72,18 @@ function tellFigures() {
   write('link', `${fixed(told.link_turns_per_second, 1)} turns/s, ${fixed(told.link_bytes_per_second / 1e6, 1)} MB/s`);
   write('ratio', told.link_ratio === null ? '–' : `${fixed(told.link_ratio, 1)} to 1`);
   write('drops', `${told.turns_dropped} of ${told.turns_dropped + told.turns_delivered}`);
+  writeVideo(told.video);
   byId('latency-entry').hidden = told.latency_ms === null;
   write('latency', told.latency_ms === null ? '' : `${fixed(told.latency_ms, 0)} ms, ${fixed(told.latency_ms / period, 1)} turns`);
   write('renderer', `${told.renderer}: ${told.plan || 'nothing yet'}`);
+}
+
+/** Pictures that go to a monitor: how many of its refreshes showed another frame than theirs, or why there is no picture. */
+function writeVideo(video) {
+  byId('video-entry').hidden = video === null;
+  if (video === null) return;
+  const late = `${video.frames_late} late of ${video.frames_shown + video.frames_late}`;
+  write('video', video.error ?? `${video.monitor}: ${fixed(video.frames_per_second, 1)}/s, ${late}`);
 }
 
 /** As many are kept as the daemon keeps. */
