@@ -57,6 +57,8 @@ use thiserror::Error;
 use video::Video;
 use wish::{Animation, Mode, Transform, Wish};
 
+/// The folder of uploaded scenes, in the one where the state is kept.
+const SCENES: &str = "scenes";
 /// How often this thread looks around.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// How often the state is kept, where it changed.
@@ -137,13 +139,8 @@ fn check(config: &Config) -> Result<Checked, DaemonError> {
 /// What is wrong, the first thing only. Whether the address is free and the device there is not tried; a monitor is looked at.
 pub fn check_only(config: &Config) -> Result<(), DaemonError> {
     check(config)?;
-    config.state_dir()?;
-    let path = std::path::Path::new(&config.scene);
-    if path.extension().is_some() {
-        let read = crate::scene::Animated::load(path).map_err(LibraryError::from);
-        read.map_err(|error| DaemonError::Scene(config.scene.clone(), error))?;
-    }
-    Ok(())
+    let mut library = Library::over(config.state_dir()?.join(SCENES), config.upload, PathBuf::new());
+    library.give(&config.scene).map(drop).map_err(|error| DaemonError::Scene(config.scene.clone(), error))
 }
 
 impl Daemon {
@@ -153,10 +150,10 @@ impl Daemon {
         let folder = config.state_dir()?;
         let failed = |error| DaemonError::State(folder.clone(), error);
         let store = Store::open(&folder).map_err(failed)?;
-        let mut library = Library::open(folder.join("scenes"), config.upload, praxi).map_err(failed)?;
+        let mut library = Library::open(folder.join(SCENES), config.upload, praxi).map_err(failed)?;
         let listener = TcpListener::bind(config.listen).map_err(|error| DaemonError::Listen(config.listen, error))?;
         let listen = listener.local_addr().map_err(|error| DaemonError::Listen(config.listen, error))?;
-        let (wish, events, damaged) = first_wish(config, scene, &mut library, &store)?;
+        let (wish, events, warnings) = first_wish(config, scene, &mut library, &store)?;
         let telemetry = Telemetry {
             rig: rig.name.clone(),
             device: address.to_string(),
@@ -184,10 +181,7 @@ impl Daemon {
         };
         let tracking = rig.tracking.clone().unwrap_or_default();
         let hub = Arc::new(Hub::new(wish, telemetry, events, &tracking));
-        if let Some(path) = damaged {
-            let text = format!("what was kept cannot be read: it is in {}, and everything begins anew", path.display());
-            hub.event(EventKind::Warning, text);
-        }
+        warnings.into_iter().for_each(|text| hub.event(EventKind::Warning, text));
         let injector = Injector::default();
         let by_video = setup.by_video;
         let simulated = Simulated::new(Rig::clone(&rig), config.seed, Clock::Wall);
@@ -244,13 +238,13 @@ impl Daemon {
         };
         threads.push(("the thread that answers the network", spawn("http", serving)?));
         let _ = sd_notify::notify(&[NotifyState::Ready]);
-        let mut keeper = Keeper::new(&hub, &store);
+        let (mut keeper, mut teller) = (Keeper::new(&hub, &store), followed::Teller::default());
         let mut ended = None;
         while !interrupted.load(Ordering::Relaxed) && ended.is_none() {
             thread::sleep(LOOK_EVERY);
             ended = threads.iter().find(|(_, thread)| thread.is_finished()).map(|(name, _)| *name);
             keeper.look();
-            followed::tell(&hub, &followers);
+            teller.tell(&hub, &followers);
             hub.record(|| Entry::telemetry(&hub.telemetry()));
             if hub.silent_for() < DEAD {
                 let _ = sd_notify::notify(&[NotifyState::Watchdog]);
@@ -282,7 +276,7 @@ fn first_wish(
     scene: Option<&str>,
     library: &mut Library,
     store: &Store,
-) -> Result<(Wish, Vec<telemetry::Event>, Option<PathBuf>), DaemonError> {
+) -> Result<(Wish, Vec<telemetry::Event>, Vec<String>), DaemonError> {
     let left = store.load().map_err(|error| DaemonError::State("state.json".into(), error))?;
     let mut give = |scene: &str| library.give(scene).map_err(|error| DaemonError::Scene(scene.into(), error));
     let first = Wish {
@@ -295,10 +289,15 @@ fn first_wish(
         halftone: config.render.halftone,
         motor: config.motor == MotorAtStart::Start,
     };
-    let (mut wish, events, damaged) = match left {
-        Left::State(state) => (state.wish, state.events, None),
-        Left::Nothing => (Wish { scene: give(&config.scene)?, ..first }, Vec::new(), None),
-        Left::Damaged(path) => (Wish { scene: give(&config.scene)?, ..first }, Vec::new(), Some(path)),
+    let mut warnings = Vec::new();
+    let (mut wish, events) = match left {
+        Left::State(state) => (state.wish, state.events),
+        Left::Nothing => (Wish { scene: give(&config.scene)?, ..first }, Vec::new()),
+        Left::Damaged(path) => {
+            let path = path.display();
+            warnings.push(format!("what was kept cannot be read: it is in {path}, and everything begins anew"));
+            (Wish { scene: give(&config.scene)?, ..first }, Vec::new())
+        }
     };
     if let Some(scene) = scene {
         let name = give(scene)?;
@@ -306,9 +305,10 @@ fn first_wish(
         wish = Wish { mode: Mode::Scene, scene: name, animation, ..wish };
     } else if library.find(&wish.scene).is_err() {
         // The file of an earlier command line, or one that was removed since.
+        warnings.push(format!("the scene {} that was shown last is not there any more", wish.scene));
         wish.scene = library.give(&config.scene).map_err(|error| DaemonError::Scene(config.scene.clone(), error))?;
     }
-    Ok((wish, events, damaged))
+    Ok((wish, events, warnings))
 }
 
 /// Keeps the state where it changed, not too often.

@@ -49,8 +49,8 @@ pub enum VideoError {
     NoDisplay(String),
     #[error("the X server has no {0}: another one is needed")]
     NoExtension(&'static str),
-    #[error("no monitor {name}: there is {there}")]
-    NoMonitor { name: String, there: String },
+    #[error("no monitor {name}: there is {}", if there.is_empty() { "none".into() } else { there.join(", ") })]
+    NoMonitor { name: String, there: Vec<String> },
     #[error("an Xwayland display: a compositor may scale and recolour what it shows: use a plain X server")]
     Xwayland,
     #[error("monitor {name} is {width}x{height}: rig {rig} needs {wide}x{high}: {remedy}")]

@@ -96,6 +96,18 @@ test('a scene is chosen', async () => {
   await until('another picture', async () => difference(boxes, await seen('')) > DIFFERS);
 });
 
+test('a scene is chosen while another order is under way', async () => {
+  await still('boxes');
+  await page.evaluate(() => {
+    document.querySelector('#animation [value=spin]').click();
+    const list = document.getElementById('scene');
+    list.value = 'knot-5k';
+    list.dispatchEvent(new Event('change'));
+  });
+  await shows('the knot', ({ scene, animation }) => scene === 'knot-5k' && animation.kind === 'spin');
+  await until('the knot in the list', async () => (await page.inputValue('#scene')) === 'knot-5k');
+});
+
 test('the eye is dragged around, and back', async () => {
   const home = await still('boxes');
   const [map, eye] = [await page.locator('#map').boundingBox(), page.locator('#eye-mark')];

@@ -1,8 +1,9 @@
 //! `praxi run`: a display that runs by itself, with a page to watch it.
 
 use super::{Failure, say};
-use crate::daemon::config::{Config, DOCUMENTED, LogForm};
+use crate::daemon::config::{Config, DOCUMENTED, LogForm, address};
 use crate::daemon::{Daemon, check_only};
+use crate::video::x11::Monitor;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use tracing_subscriber::EnvFilter;
@@ -25,11 +26,11 @@ pub(super) struct Args {
     /// The controller: usb, usb:VID:PID[:SERIAL], /dev/ttyACM0[@BAUD], COM3[@BAUD], sim, sim:usb, sim:serial[@BAUD]
     #[arg(long, value_name = "DEVICE")]
     device: Option<String>,
-    /// Where pictures go: device, or video:MONITOR for a monitor at DISPLAY; video:? lists monitors
+    /// Where pictures go: device, or video:MONITOR for a monitor at DISPLAY; video:? lists monitors and ends
     #[arg(long, value_name = "OUTPUT")]
     output: Option<String>,
     /// Where the page and the interface are served; others than loopback need token_file in the configuration
-    #[arg(long, value_name = "ADDR:PORT")]
+    #[arg(long, value_name = "ADDR:PORT", value_parser = address)]
     listen: Option<SocketAddr>,
     /// Where the state is kept, and the scenes that were uploaded
     #[arg(long, value_name = "FOLDER")]
@@ -48,6 +49,10 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
         return Ok(());
     }
     let config = config(args)?;
+    if config.output == "video:?" {
+        say(Monitor::there()?.join("\n"));
+        return Ok(());
+    }
     if args.check {
         check_only(&config)?;
         say(toml::to_string(&config)?);

@@ -78,6 +78,7 @@ pub struct Config {
     pub output: String,
     pub seed: u64,
     pub scene: String,
+    #[serde(deserialize_with = "listen_at")]
     pub listen: SocketAddr,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub token_file: Option<PathBuf>,
@@ -88,6 +89,17 @@ pub struct Config {
     pub render: RenderKeys,
     pub upload: UploadKeys,
     pub faults: FaultKeys,
+}
+
+/// An address and a port, as on the command line.
+pub fn address(text: &str) -> Result<SocketAddr, String> {
+    text.parse().map_err(|_| {
+        format!("listen = {text}: allowed is ADDR:PORT, such as 127.0.0.1:7117, 0.0.0.0:7117 or [::1]:7117")
+    })
+}
+
+fn listen_at<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<SocketAddr, D::Error> {
+    address(&String::deserialize(deserializer)?).map_err(serde::de::Error::custom)
 }
 
 /// `[render]`.

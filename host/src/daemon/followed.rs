@@ -7,7 +7,7 @@ use crate::tracking::{Refusal, Viewer};
 use protocol::rig::{Rig, Tracking, Viewers};
 use std::io;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Who moves less than this, in metres and degrees, is where they were: a third of what an eye tells apart on the reference rig.
 const STILL: [f64; 2] = [5e-4, 0.03];
@@ -15,6 +15,8 @@ const STILL: [f64; 2] = [5e-4, 0.03];
 const AHEAD_TURNS: f64 = 1.5;
 /// Nobody's head is foreseen for longer.
 const AHEAD_MAX: Duration = Duration::from_millis(200);
+/// How often refused readings are logged.
+const LOG_EVERY: Duration = Duration::from_secs(10);
 
 /// A thread for each of the rig's trackers.
 pub fn listen(hub: &Arc<Hub>, tracking: &Tracking) -> io::Result<Vec<Follower>> {
@@ -22,33 +24,55 @@ pub fn listen(hub: &Arc<Hub>, tracking: &Tracking) -> io::Result<Vec<Follower>> 
         let hub = Arc::clone(hub);
         let epoch = hub.start();
         Follower::start(source, number, epoch, move |arrived| {
-            if let Err(refusal) = hub.arrive(arrived) {
-                tracing::debug!(reason = refusal.name(), "a tracker's reading is refused");
-            }
+            // Counted there, and told by a `Teller`.
+            let _ = hub.arrive(arrived);
         })
     };
     (0..).zip(&tracking.source).map(follower).collect()
 }
 
 /// Brings the trackers' states and counts to where people read them.
-pub fn tell(hub: &Hub, followers: &[Follower]) {
-    let counters = hub.viewer_counters();
-    let readings = &hub.metrics.readings;
-    let outcomes = Refusal::ALL.map(|reason| (reason.name(), counters.refused(reason)));
-    for (outcome, count) in outcomes.into_iter().chain([("taken", counters.taken)]) {
-        let counter = readings.get_or_create(&[("outcome", outcome)]);
-        counter.inc_by(count.saturating_sub(counter.get()));
+#[derive(Debug, Default)]
+pub struct Teller {
+    /// What was refused when that was logged last, by reason, and when.
+    logged: [u64; Refusal::ALL.len()],
+    at: Option<Instant>,
+}
+
+impl Teller {
+    /// Call often.
+    pub fn tell(&mut self, hub: &Hub, followers: &[Follower]) {
+        let counters = hub.viewer_counters();
+        let refused = Refusal::ALL.map(|reason| counters.refused(reason));
+        let readings = &hub.metrics.readings;
+        let outcomes = Refusal::ALL.map(Refusal::name).into_iter().zip(refused);
+        for (outcome, count) in outcomes.clone().chain([("taken", counters.taken)]) {
+            let counter = readings.get_or_create(&[("outcome", outcome)]);
+            counter.inc_by(count.saturating_sub(counter.get()));
+        }
+        self.log(outcomes, refused);
+        let state = |follower: &Follower| match follower.state() {
+            State::Open(place) => format!("{place}: open"),
+            State::Closed(why) => why,
+        };
+        let trackers = followers.iter().map(state).collect();
+        hub.tell(|telemetry| {
+            telemetry.trackers = trackers;
+            telemetry.readings_taken = counters.taken;
+            telemetry.readings_refused = refused.iter().sum();
+        });
     }
-    let state = |follower: &Follower| match follower.state() {
-        State::Open(place) => format!("{place}: open"),
-        State::Closed(why) => why,
-    };
-    let trackers = followers.iter().map(state).collect();
-    hub.tell(|telemetry| {
-        telemetry.trackers = trackers;
-        telemetry.readings_taken = counters.taken;
-        telemetry.readings_refused = outcomes.iter().map(|(_, count)| count).sum();
-    });
+
+    /// A line for what was refused since the last one, not too often: a network may talk nonsense all day.
+    fn log<'a>(&mut self, outcomes: impl Iterator<Item = (&'a str, u64)>, refused: [u64; Refusal::ALL.len()]) {
+        if refused == self.logged || self.at.is_some_and(|at| at.elapsed() < LOG_EVERY) {
+            return;
+        }
+        let news = outcomes.zip(self.logged).filter(|((_, count), before)| count > before);
+        let words = news.map(|((reason, count), before)| format!("{} {reason}", count - before));
+        tracing::warn!("refused readings of viewers: {}", Vec::from_iter(words).join(", "));
+        (self.logged, self.at) = (refused, Some(Instant::now()));
+    }
 }
 
 /// Who is there.

@@ -11,13 +11,15 @@ use super::hub::Hub;
 use super::library::Library;
 use crate::link::sim::Injector;
 use crate::recording::Setup;
+use crate::tracking;
+use crate::tracking::viewers::VIEWERS_MAX;
 use axum::extract::DefaultBodyLimit;
 use axum::http::StatusCode;
 use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Json, Router};
-use protocol::rig::Rig;
+use protocol::rig::{Rig, Tracking};
 use serde_json::json;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -98,6 +100,22 @@ impl Door {
     }
 }
 
+impl Door {
+    /// A reading's refusal, with what is allowed.
+    fn why(&self, refusal: tracking::Refusal) -> String {
+        let Tracking { plausible_distance_m: [near, far], plausible_height_m: [low, high], .. } =
+            self.rig.tracking.clone().unwrap_or_default();
+        let allowed = match refusal {
+            tracking::Refusal::Outside => format!("{near} to {far} m from the axis and {low} to {high} m high"),
+            tracking::Refusal::TooMany => format!("{VIEWERS_MAX} at a time"),
+            tracking::Refusal::Backwards => "later than what was told before".into(),
+            tracking::Refusal::Jump => "no farther than a head goes meanwhile".into(),
+            tracking::Refusal::Malformed | tracking::Refusal::Absurd => "numbers".into(),
+        };
+        format!("{}: allowed is {allowed}", refusal.name())
+    }
+}
+
 /// Why a request is not answered as it wants.
 #[derive(Debug)]
 pub(super) struct Refusal {
@@ -145,6 +163,9 @@ fn routes(door: &Arc<Door>) -> (Router, utoipa::openapi::OpenApi) {
         .route("/healthz", get(routes::health))
         .merge(page::routes())
         .fallback(|| async { Refusal::new(StatusCode::NOT_FOUND, "no such page: /openapi.json lists what there is") })
+        .method_not_allowed_fallback(|| async {
+            Refusal::new(StatusCode::METHOD_NOT_ALLOWED, "not by this method: /openapi.json lists what there is")
+        })
         .layer(DefaultBodyLimit::max(routes::JSON_BYTES_MAX))
         .layer(from_fn_with_state(Arc::clone(door), guard::guard))
         .with_state(Arc::clone(door));

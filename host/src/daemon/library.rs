@@ -33,8 +33,11 @@ pub enum LibraryError {
     #[error("{0:?} is no name: allowed are 1 to {NAME_MAX} letters, digits, '-' and '_', the first a letter or digit")]
     Name(String),
     /// See the message.
-    #[error("{0}: a built-in scene has this name: choose another")]
+    #[error("{0}: a built-in scene, or the command line's, has this name: choose another")]
     BuiltIn(String),
+    /// See the message.
+    #[error("{0}: is no uploaded scene: only those can be deleted")]
+    NotOwn(String),
     /// See the message.
     #[error("{0}: no such scene")]
     Unknown(String),
@@ -135,7 +138,12 @@ impl Library {
                 let _ = fs::remove_file(entry.path());
             }
         }
-        Ok(Self { folder, given: None, limits, checker })
+        Ok(Self::over(folder, limits, checker))
+    }
+
+    /// The same over a folder that need not be there; nothing is made or removed.
+    pub fn over(folder: PathBuf, limits: UploadKeys, checker: PathBuf) -> Self {
+        Self { folder, given: None, limits, checker }
     }
 
     /// Takes the scene of the command line: a name, or a file, which whoever starts the daemon may read. Gives its name.
@@ -179,7 +187,11 @@ impl Library {
 
     fn in_folder(&self) -> Result<Vec<Entry>, LibraryError> {
         let mut entries = Vec::new();
-        for entry in fs::read_dir(&self.folder)? {
+        let there = match fs::read_dir(&self.folder) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(entries),
+            there => there?,
+        };
+        for entry in there {
             let entry = entry?;
             let file = entry.file_name().to_string_lossy().into_owned();
             let Some(name) = file.strip_suffix(ENDING).filter(|name| check_name(name).is_ok()) else { continue };
@@ -232,12 +244,17 @@ impl Library {
         Ok(content)
     }
 
+    /// Whether the scene called `name` was uploaded.
+    pub fn is_own(&self, name: &str) -> Result<bool, LibraryError> {
+        Ok(self.find(name)?.origin == Origin::Folder)
+    }
+
     /// Removes an uploaded scene.
     pub fn delete(&self, name: &str) -> Result<(), LibraryError> {
-        match self.find(name)?.origin {
-            Origin::Folder => Ok(fs::remove_file(self.path(name))?),
-            _ => Err(LibraryError::BuiltIn(name.into())),
+        if !self.is_own(name)? {
+            return Err(LibraryError::NotOwn(name.into()));
         }
+        Ok(fs::remove_file(self.path(name))?)
     }
 
     fn path(&self, name: &str) -> PathBuf {
@@ -355,7 +372,7 @@ mod tests {
         assert_eq!(library.list().unwrap().len(), BUILT_IN.len());
         assert!(BUILT_IN.iter().all(|name| library.load(name).is_ok()));
         assert!(matches!(library.upload(BUILTIN, b"x"), Err(LibraryError::BuiltIn(_))));
-        assert!(matches!(library.delete(BUILTIN), Err(LibraryError::BuiltIn(_))));
+        assert!(matches!(library.delete(BUILTIN), Err(LibraryError::NotOwn(_))));
     }
 
     #[test]

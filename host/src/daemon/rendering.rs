@@ -8,13 +8,14 @@ use super::library::Library;
 use super::painter::{Failed, Key, Painter, View};
 use super::stage::{Cast, Stage, StageError, moves};
 use super::telemetry::EventKind;
-use super::wish::{Mode, Wish};
+use super::wish::{Animation, Mode, Wish};
 use crate::recording::{Entry, Layer, Stroke};
 use crate::render::Renderer;
 use crate::render::live::slices_seen_by;
 use crate::stream::mailbox::Mailbox;
 use protocol::rig::{Rig, TrackedViewer};
 use std::collections::VecDeque;
+use std::convert::Infallible;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -168,18 +169,20 @@ impl Rendering {
         }
         let (library, rig, before) = (Arc::clone(&self.scenes), Arc::clone(&self.rig), self.painter.stage().cloned());
         let (radius, triangles_max, wanted) = (self.display_radius_m, self.triangles_max, cast.clone());
-        if before.as_ref().is_none_or(|before| before.cast.scene() != cast.scene()) {
-            self.hub.tell(|telemetry| telemetry.loading = Some(cast.scene().into()));
-        }
-        let job =
-            std::thread::spawn(move || Stage::prepare(&wanted, before.as_ref(), &library, &rig, radius, triangles_max));
+        let is_new = before.as_ref().is_none_or(|before| before.cast.scene() != cast.scene());
+        self.hub.tell(|telemetry| {
+            telemetry.loading = is_new.then(|| cast.scene().into());
+            telemetry.planning = !is_new;
+        });
+        let work = move || Stage::prepare(&wanted, before.as_ref(), &library, &rig, radius, triangles_max);
+        let job = std::thread::spawn(move || apart(work));
         self.preparing = Some((cast, job));
     }
 
     fn take(&mut self, stage: Stage) {
         let is_new = self.painter.stage().is_none_or(|before| before.cast.scene() != stage.cast.scene());
         self.hub.tell(|telemetry| {
-            (telemetry.loading, telemetry.scene_error) = (None, None);
+            (telemetry.loading, telemetry.planning, telemetry.scene_error) = (None, false, None);
             telemetry.scene = Some(stage.cast.scene().into());
             telemetry.clips = stage.scene.clips().iter().map(|clip| clip.name.clone()).collect();
             telemetry.triangles = stage.scene.at_rest().triangles.len();
@@ -190,16 +193,32 @@ impl Rendering {
                 self.hub.event(EventKind::Warning, format!("{}: {note}", stage.cast.scene()));
             }
         }
+        self.leave_clip(&stage);
         self.refused = None;
         (self.detail, self.focus, self.tried) = (Detail::default(), Focus::default(), None);
         self.hub.record(|| Entry::Stage(stage.cast.clone()));
         self.painter.set_stage(stage);
     }
 
+    /// A scene without the clip that went on in the one before stands still.
+    fn leave_clip(&self, stage: &Stage) {
+        let (wish, _) = self.hub.wish();
+        if wish.scene != stage.cast.scene() {
+            return;
+        }
+        if let Err(error) = stage.clip(&wish.animation) {
+            self.hub.event(EventKind::Warning, format!("{error}: it stands still"));
+            let Ok(_) =
+                self.hub.change_wish(|wish| Ok::<_, Infallible>(Wish { animation: Animation::Still, ..wish.clone() }));
+        }
+    }
+
     /// What is wished for cannot be shown: what stood there stays.
     fn refuse(&mut self, reason: String) {
         self.hub.event(EventKind::Warning, reason.clone());
-        self.hub.tell(|telemetry| (telemetry.loading, telemetry.scene_error) = (None, Some(reason)));
+        self.hub.tell(|telemetry| {
+            (telemetry.loading, telemetry.planning, telemetry.scene_error) = (None, false, Some(reason));
+        });
     }
 
     fn fail(&mut self, wish: &Wish, reason: String) {
@@ -312,16 +331,26 @@ impl Rendering {
         let error_px = self.painter.stage().map_or(0.0, |stage| stage.plans[view.rung].error_px);
         self.hub.metrics.render_seconds.observe(took.as_secs_f64());
         self.hub.metrics.budget_px.set(budget_px);
+        let is_cheapest = self.painter.stage().is_none_or(|stage| view.rung + 1 == stage.plans.len());
         let is_whole = self.refused.is_none();
         self.hub.tell(|telemetry| {
             telemetry.render_ms = took.as_secs_f64() * 1e3;
             telemetry.rendered_slices = slices;
             telemetry.renders_per_second = self.finished.len() as f64;
             (telemetry.plan, telemetry.error_px, telemetry.budget_px) = (plan, error_px, budget_px);
+            telemetry.cheapest = is_cheapest;
             if is_whole {
                 telemetry.scene_error = None;
             }
         });
+    }
+}
+
+/// Does `work` on threads of its own: on those that render, each of its parts would wait for a whole turn, and a scene for a minute.
+fn apart<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    match rayon::ThreadPoolBuilder::new().build() {
+        Ok(threads) => threads.install(work),
+        Err(_) => work(),
     }
 }
 

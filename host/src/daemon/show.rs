@@ -55,6 +55,7 @@ pub struct Show {
     on_screen: Option<u32>,
     /// Of video, in a controller that may light.
     darkness: Darkness,
+    in_step: InStep,
     marks: VecDeque<(Instant, u64, Statistics)>,
     told_at: Option<Instant>,
     latency: Latency,
@@ -64,6 +65,16 @@ pub struct Show {
     cleared: VecDeque<Instant>,
     /// Counts of connections that ended: delivered, late, failed, reconnects, bytes on the wire.
     before: [u64; 5],
+}
+
+/// Whether the mirror keeps step, since it was in step.
+#[derive(Clone, Copy)]
+enum InStep {
+    /// It was not yet.
+    Away,
+    Yes,
+    /// Since then it is not.
+    No(Instant),
 }
 
 /// For how long it has been dark for no reason, and whether that was told.
@@ -136,6 +147,7 @@ impl Show {
             recorded: None,
             on_screen: None,
             darkness: Darkness::No,
+            in_step: InStep::Away,
             marks: VecDeque::new(),
             told_at: None,
             latency: Latency::default(),
@@ -305,6 +317,7 @@ impl Show {
             return;
         };
         let said = self.hear_fault(status, cause);
+        self.hear_step(status.state);
         self.tell_recordings(Controller::of(status, cause));
         if self.by_video {
             let (may, is_lit) = (status.state.may_light(), status.turn_on_screen.is_some());
@@ -354,6 +367,31 @@ impl Show {
     fn leave_to_somebody(&self, fault: Fault) {
         if matches!(fault, Fault::EmergencyStop | Fault::GuardOpen) {
             let Ok(_) = self.hub.change_wish(|wish| Ok::<_, Infallible>(Wish { motor: false, ..wish.clone() }));
+        }
+    }
+
+    /// Tells where the mirror falls out of step by itself, and when it is back.
+    fn hear_step(&mut self, state: State) {
+        let now = Instant::now();
+        let is_on_the_way = matches!(state, State::SpinUp | State::Acquire);
+        match (self.in_step, state) {
+            (InStep::Yes, State::Holdover) => {
+                self.hub.event(EventKind::Warning, "pulses are missing: the mirror turns on by what was learnt");
+                self.in_step = InStep::No(now);
+            }
+            (InStep::Yes, _) if is_on_the_way => {
+                self.hub.event(EventKind::Warning, "the mirror fell out of step, dark");
+                self.in_step = InStep::No(now);
+            }
+            (InStep::No(since), State::Locked | State::OpenLoop) => {
+                let seconds = since.elapsed().as_secs_f64();
+                self.hub.event(EventKind::Note, format!("in step again after {seconds:.1} s"));
+                self.in_step = InStep::Yes;
+            }
+            (_, State::Locked | State::OpenLoop) => self.in_step = InStep::Yes,
+            // Stopped, or in a fault, which is told by itself.
+            (_, State::Idle | State::Fault | State::Service) => self.in_step = InStep::Away,
+            _ => {}
         }
     }
 

@@ -43,6 +43,12 @@ pub enum Left {
 impl Store {
     /// Over `folder`, which is made. Another daemon that has it is an error of kind [`io::ErrorKind::ResourceBusy`].
     pub fn open(folder: &Path) -> io::Result<Self> {
+        if folder.exists() && !folder.is_dir() {
+            return Err(io::Error::new(
+                io::ErrorKind::NotADirectory,
+                "is no folder: state_dir must be one, or a name for one",
+            ));
+        }
         fs::create_dir_all(folder)?;
         let lock = fs::File::options().create(true).truncate(false).write(true).open(folder.join("lock"))?;
         match lock.try_lock() {

@@ -53,6 +53,8 @@ pub struct Telemetry {
     pub scene: Option<String>,
     /// The scene that is being loaded.
     pub loading: Option<String>,
+    /// Whether the scene that is shown is being planned anew, for another budget or place.
+    pub planning: bool,
     /// Why the scene that is wished for is not shown.
     pub scene_error: Option<String>,
     /// The clips of the scene that is shown.
@@ -73,6 +75,8 @@ pub struct Telemetry {
     pub error_px: f64,
     /// What is allowed now; more than was asked for where rendering is late.
     pub budget_px: f64,
+    /// Whether no plan with less detail would take less time.
+    pub cheapest: bool,
     /// Where the viewing circle is when nobody is tracked: distance and height; nothing for viewers at infinity.
     pub viewing_m: Option<[f64; 2]>,
     /// Half the height of what the display shows, in metres.

@@ -2,9 +2,11 @@
 
 use crate::pattern::Pattern;
 use crate::render::plan::Halftone;
+use clap::ValueEnum as _;
 use glam::{Affine3A, EulerRot, Quat, Vec3};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use std::borrow::Cow;
 use std::ops::RangeInclusive;
 use thiserror::Error;
 use utoipa::ToSchema;
@@ -28,7 +30,7 @@ pub enum WishError {
         /// What was given.
         value: String,
         /// In words.
-        allowed: &'static str,
+        allowed: Cow<'static, str>,
     },
 }
 
@@ -141,7 +143,7 @@ impl Transform {
             within(key, value, -360.0..=360.0, "-360 to 360")?;
         }
         for value in move_m {
-            within("transform.move_m", value, -0.5..=0.5, "-0.5 to 0.5")?;
+            within("transform.move_m", value, -0.5..=0.5, "-0.5 to 0.5, in metres")?;
         }
         Ok(())
     }
@@ -154,13 +156,22 @@ impl Wish {
     /// [`WishError`], and nothing is changed.
     pub fn patched(&self, patch: &Value) -> Result<Self, WishError> {
         let malformed = |error: serde_json::Error| WishError::Malformed(error.to_string());
+        if !patch.is_object() {
+            return Err(WishError::Malformed(r#"expected an object, such as {"budget_px": 0.5}"#.into()));
+        }
         let mut value = serde_json::to_value(self).map_err(malformed)?;
         // Kinds of animation have keys of their own: another kind starts afresh.
         if patch.pointer("/animation/kind").is_some() {
             value["animation"] = Value::Null;
         }
         merge(&mut value, patch);
-        let wish: Self = serde_json::from_value(value).map_err(malformed)?;
+        if let Some(name) = value["halftone"].as_str()
+            && Halftone::from_str(name, false).is_err()
+        {
+            return Err(no_halftone(name));
+        }
+        let wish: Self =
+            serde_path_to_error::deserialize(value).map_err(|error| WishError::Malformed(error.to_string()))?;
         wish.check()?;
         Ok(wish)
     }
@@ -177,11 +188,16 @@ impl Wish {
             Animation::Clip { speed, .. } => within("animation.speed", *speed, -10.0..=10.0, "-10 to 10")?,
         }
         if self.halftone.binary().is_none() {
-            let allowed = "any halftone that needs one slice at a time: not sight-line, joint or grey";
-            return Err(WishError::Value { key: "halftone", value: self.halftone.to_string(), allowed });
+            return Err(no_halftone(&self.halftone.to_string()));
         }
         Ok(())
     }
+}
+
+/// Those that make bits of one slice at a time are allowed.
+fn no_halftone(name: &str) -> WishError {
+    let allowed = Halftone::ALL.iter().filter(|halftone| halftone.binary().is_some()).map(ToString::to_string);
+    WishError::Value { key: "halftone", value: name.into(), allowed: Vec::from_iter(allowed).join(", ").into() }
 }
 
 /// Whether a budget in pixels may be asked for.
@@ -190,7 +206,11 @@ pub fn check_budget(budget_px: f64) -> Result<(), WishError> {
 }
 
 fn within(key: &'static str, value: f64, range: RangeInclusive<f64>, allowed: &'static str) -> Result<(), WishError> {
-    if range.contains(&value) { Ok(()) } else { Err(WishError::Value { key, value: value.to_string(), allowed }) }
+    if range.contains(&value) {
+        Ok(())
+    } else {
+        Err(WishError::Value { key, value: value.to_string(), allowed: allowed.into() })
+    }
 }
 
 fn merge(value: &mut Value, patch: &Value) {
@@ -248,7 +268,9 @@ pub(crate) mod tests {
             (json!({"transform": {"move_m": [0, 0, 9]}}), "transform.move_m"),
             (json!({"animation": {"kind": "spin"}}), "degrees_per_turn"),
             (json!({"animation": {"kind": "spin", "degrees_per_turn": 31}}), "-30 to 30"),
-            (json!({"halftone": "grey"}), "sight-line"),
+            (json!({"halftone": "grey"}), "halftone: grey is not allowed; allowed is white-noise, bayer"),
+            (json!({"halftone": "gray"}), "alternating-diffusion"),
+            (json!({"budget_px": "x"}), "budget_px: invalid type"),
             (json!({"scale": 1}), "unknown field"),
             (json!({"scene": null}), "scene"),
             (json!([1, 2]), "expected"),

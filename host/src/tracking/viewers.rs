@@ -182,6 +182,10 @@ impl Viewers {
         if !self.place.is_plausible(eye) {
             return Err(Refusal::Outside);
         }
+        if self.heads.len() == VIEWERS_MAX && !self.heads.contains_key(&id) {
+            // By the time of what comes alone: a recording that is told again lets the same ones go.
+            self.heads.retain(|_, head| at.abs_diff(head.at()) <= SILENCE);
+        }
         let count = self.heads.len();
         match self.heads.entry(id) {
             Entry::Occupied(mut head) if at.saturating_sub(head.get().at()) > SILENCE => {
@@ -207,12 +211,12 @@ impl Viewers {
     /// Who is there at `photon_time`, when the light of the turn that is asked for will leave, and where; by rising `id`. Who was silent for
     /// [`SILENCE`] until then is gone, and whose last word bears a time so far ahead that it cannot be true.
     pub fn at(&mut self, photon_time: Duration) -> Vec<Viewer> {
-        self.heads.retain(|_, head| photon_time.abs_diff(head.at()) <= SILENCE);
-        let seen = |(id, head): (&u16, &Filter)| Viewer::new(*id, head, photon_time, &self.place);
-        self.heads.iter().map(seen).collect()
+        self.heads.retain(|_, head| head.at() <= photon_time + SILENCE);
+        let there = self.heads.iter().filter(|(_, head)| photon_time.abs_diff(head.at()) <= SILENCE);
+        there.map(|(id, head)| Viewer::new(*id, head, photon_time, &self.place)).collect()
     }
 
-    /// The paths of those who are there.
+    /// The paths of those who came last, also of some who have gone.
     pub fn heads(&self) -> &BTreeMap<u16, Filter> {
         &self.heads
     }

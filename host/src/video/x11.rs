@@ -61,18 +61,18 @@ pub struct Monitor {
 }
 
 impl Monitor {
+    /// The monitors of the display, each with its size and rate.
+    pub fn there() -> Result<Vec<String>, VideoError> {
+        let (server, screen) = connect()?;
+        match (Ask { server: &server, screen: &screen }).monitor("?") {
+            Err(VideoError::NoMonitor { there, .. }) => Ok(there),
+            other => other.map(|_| Vec::new()),
+        }
+    }
+
     /// The monitor of this name, if frames of `rig` are shown on it as they are.
     pub fn find(name: &str, rig: &Rig) -> Result<Self, VideoError> {
-        let (server, number) =
-            RustConnection::connect(None).map_err(|error| VideoError::NoDisplay(error.to_string()))?;
-        for (extension, called) in [(randr::X11_EXTENSION_NAME, "RandR"), (present::X11_EXTENSION_NAME, "Present")] {
-            if server.extension_information(extension).map_err(lost)?.is_none() {
-                return Err(VideoError::NoExtension(called));
-            }
-        }
-        randr::query_version(&server, 1, 3).map_err(lost)?.reply().map_err(lost)?;
-        present::query_version(&server, 1, 0).map_err(lost)?.reply().map_err(lost)?;
-        let screen = server.setup().roots[number].clone();
+        let (server, screen) = connect()?;
         let ask = Ask { server: &server, screen: &screen };
         let (crtc, mut found) = ask.monitor(name)?;
         if found.mode.refresh_hz.is_none() {
@@ -97,6 +97,20 @@ impl Monitor {
         let now = await_msc(&window.monitor.server, window.window, 0)?.1;
         Ok((window, now))
     }
+}
+
+/// The server of DISPLAY, and its screen.
+fn connect() -> Result<(RustConnection, Screen), VideoError> {
+    let (server, number) = RustConnection::connect(None).map_err(|error| VideoError::NoDisplay(error.to_string()))?;
+    for (extension, called) in [(randr::X11_EXTENSION_NAME, "RandR"), (present::X11_EXTENSION_NAME, "Present")] {
+        if server.extension_information(extension).map_err(lost)?.is_none() {
+            return Err(VideoError::NoExtension(called));
+        }
+    }
+    randr::query_version(&server, 1, 3).map_err(lost)?.reply().map_err(lost)?;
+    present::query_version(&server, 1, 0).map_err(lost)?.reply().map_err(lost)?;
+    let screen = server.setup().roots[number].clone();
+    Ok((server, screen))
 }
 
 /// Questions to a server.
@@ -132,7 +146,6 @@ impl Ask<'_> {
             let modes = info.modes.iter().filter_map(mode_of).collect();
             return Ok((info.crtc, self.found(name, mode, modes, *output, (info.crtc, &crtc))?));
         }
-        let there = if there.is_empty() { "none".into() } else { there.join(", ") };
         Err(VideoError::NoMonitor { name: name.into(), there })
     }
 

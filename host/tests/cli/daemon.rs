@@ -215,6 +215,66 @@ fn a_fault_is_told_and_an_emergency_stop_waits_for_a_start() {
 }
 
 #[test]
+fn what_goes_by_itself_is_told_afterwards() {
+    let folder = folder();
+    let daemon = Daemon::start(folder.path(), &["boxes"]);
+    daemon.until("lit", |telemetry| telemetry["lit"] == true);
+    let missing = br#"{"no-frame-pulses": {"seconds": 1}}"#;
+    assert_eq!(daemon.ask("POST", "/api/v1/simulator", &[], missing).0, 202);
+    let start = Instant::now();
+    while !daemon.json("/api/v1/events").to_string().contains("in step again after") {
+        assert!(start.elapsed() < PATIENCE);
+    }
+    assert!(daemon.json("/api/v1/events").to_string().contains("pulses are missing"));
+}
+
+#[test]
+fn a_scene_without_the_clip_of_the_one_before_stands_still() {
+    let folder = folder();
+    let daemon = Daemon::start(folder.path(), &["boxes"]);
+    let (_, wish) = daemon.patch(&json!({ "animation": { "kind": "clip", "name": "Walk", "speed": 1 } }));
+    assert_eq!(wish["animation"]["name"], "Walk");
+    daemon.until("why not", |telemetry| telemetry["scene_error"].is_string());
+    daemon.patch(&json!({ "scene": "knot-5k" }));
+    let telemetry = daemon.until("the knot", |telemetry| telemetry["scene"] == "knot-5k" && telemetry["lit"] == true);
+    assert!(telemetry["telemetry"]["scene_error"].is_null());
+    assert_eq!(daemon.json("/api/v1/display")["animation"], json!({ "kind": "still" }));
+}
+
+#[test]
+fn reasons_name_the_key_and_what_is_allowed() {
+    let folder = folder();
+    fs::write(folder.path().join("praxi.toml"), "[upload]\nbytes_max = 1000").unwrap();
+    let config = folder.path().join("praxi.toml");
+    let daemon = Daemon::start(folder.path(), &["--config", config.to_str().unwrap()]);
+    let many: Vec<_> = (0..10).map(|id| json!({ "id": id, "position_m": [0.0, 0.35, 0.9] })).collect();
+    for (method, path, body, words) in [
+        ("PATCH", "display", r#"{"budget_px": "x"}"#.into(), ["budget_px", "expected f64"]),
+        ("PATCH", "display", "[]".into(), ["expected an object", "budget_px"]),
+        ("PATCH", "display", r#"{"transform": {"move_m": [5, 0, 0]}}"#.into(), ["transform.move_m", "in metres"]),
+        (
+            "POST",
+            "viewers",
+            r#"[{"id": 0, "position_m": [100, 0, 0]}]"#.into(),
+            ["viewer 0", "0.2 to 6 m from the axis"],
+        ),
+        ("POST", "viewers", json!(many).to_string(), ["viewer 8 at", "viewer 9 at"]),
+        ("PUT", "scenes/large", "x".repeat(2_000), ["at most 1000 bytes", "too large"]),
+        ("PATCH", "display", "x".repeat(70_000), ["at most 65536 bytes", "too large"]),
+        ("DELETE", "scenes/boxes", String::new(), ["boxes", "only those can be deleted"]),
+        ("DELETE", "scenes/builtin", String::new(), ["builtin", "only those can be deleted"]),
+        ("POST", "status", String::new(), ["method", "openapi.json"]),
+    ] {
+        let (status, answer) = daemon.ask(method, &format!("/api/v1/{path}"), &[], body.as_bytes());
+        let error = serde_json::from_slice::<Value>(&answer).unwrap()["error"].to_string();
+        assert!(
+            (400..500).contains(&status) && words.iter().all(|word| error.contains(word)),
+            "{path}: {status} {error}"
+        );
+    }
+}
+
+#[test]
 fn what_was_wished_for_outlives_the_daemon() {
     let folder = folder();
     let daemon = Daemon::start(folder.path(), &["boxes"]);
@@ -228,7 +288,12 @@ fn what_was_wished_for_outlives_the_daemon() {
     assert_eq!(daemon.json("/api/v1/display"), wish);
     daemon.until("mine", |telemetry| telemetry["scene"] == "mine" && telemetry["state"] == "idle");
     assert_eq!(daemon.ask("DELETE", "/api/v1/scenes/mine", &[], &[]).0, 409);
-    daemon.patch(&json!({ "scene": "builtin" }));
+    assert!(daemon.end().success());
+    fs::remove_file(folder.path().join("state/scenes/mine.glb")).unwrap();
+    let daemon = Daemon::start(folder.path(), &[]);
+    assert_eq!(daemon.json("/api/v1/display")["scene"], "builtin");
+    assert!(daemon.json("/api/v1/events").to_string().contains("mine that was shown last is not there any more"));
+    assert_eq!(daemon.ask("PUT", "/api/v1/scenes/mine", &[], &glb(None)).0, 201);
     assert_eq!(daemon.ask("DELETE", "/api/v1/scenes/mine", &[], &[]).0, 204);
     let other = Command::new(env!("CARGO_BIN_EXE_praxi"))
         .args(["run", "--listen", "127.0.0.1:0", "--state-dir"])
@@ -256,6 +321,9 @@ fn whoever_has_no_token_stays_out() {
         daemon.token = Some(wrong.into());
         assert_eq!(status(&daemon, "/api/v1/status"), 401, "{wrong}");
     }
+    let lower = format!("bearer {token}");
+    daemon.token = None;
+    assert_eq!(daemon.ask("GET", "/api/v1/status", &[("Authorization", &lower)], &[]).0, 200);
     daemon.token = Some(token.into());
     assert_eq!(status(&daemon, "/api/v1/status"), 200);
 }
@@ -377,6 +445,13 @@ fn a_configuration_is_checked() {
     desk.refuses("run --check --listen 0.0.0.0:7117", &["token_file", "127.0.0.1"]);
     desk.refuses("run --check --config nowhere.toml", &["nowhere.toml"]);
     desk.refuses("run --check nowhere.glb", &["nowhere.glb"]);
+    desk.refuses("run --check nowhere --state-dir state", &["nowhere", "no such scene"]);
+    assert!(!desk.path("state").exists());
+    desk.refuses("run --check --listen 127.0.0.1", &["ADDR:PORT", "127.0.0.1:7117"]);
+    fs::write(desk.path("praxi.toml"), "listen = \"1.2.3\"").unwrap();
+    desk.refuses("run --check --config praxi.toml", &["praxi.toml", "listen = 1.2.3", "127.0.0.1:7117"]);
+    fs::write(desk.path("file"), "").unwrap();
+    desk.refuses("run --state-dir file", &["file", "is no folder"]);
     fs::write(desk.path("praxi.toml"), "[render]\nbudget = 1").unwrap();
     desk.refuses("run --check --config praxi.toml", &["praxi.toml", "line 2", "budget"]);
 }

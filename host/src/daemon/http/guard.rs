@@ -57,7 +57,9 @@ fn check(door: &Door, path: &str, headers: &HeaderMap) -> Result<(), (&'static s
     if super::page::is_part(path) || path == "/healthz" {
         return Ok(());
     }
-    let given = text(header::AUTHORIZATION).and_then(|value| value.strip_prefix("Bearer ")).unwrap_or_default();
+    // The scheme's name has no case: RFC 9110, 11.1.
+    let given = text(header::AUTHORIZATION).and_then(|value| value.split_once(' '));
+    let given = given.filter(|(scheme, _)| scheme.eq_ignore_ascii_case("bearer")).map_or("", |(_, token)| token);
     if given.as_bytes().ct_eq(token.as_bytes()).into() {
         return Ok(());
     }

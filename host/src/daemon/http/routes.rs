@@ -54,7 +54,7 @@ impl From<LibraryError> for Refusal {
         let status = match error {
             LibraryError::Name(_) | LibraryError::Refused { .. } | LibraryError::Scene(_) => StatusCode::BAD_REQUEST,
             LibraryError::TooManyTriangles { .. } => StatusCode::PAYLOAD_TOO_LARGE,
-            LibraryError::BuiltIn(_) | LibraryError::InUse(_) => StatusCode::CONFLICT,
+            LibraryError::BuiltIn(_) | LibraryError::NotOwn(_) | LibraryError::InUse(_) => StatusCode::CONFLICT,
             LibraryError::Unknown(_) => StatusCode::NOT_FOUND,
             LibraryError::Full(_) => StatusCode::INSUFFICIENT_STORAGE,
             LibraryError::Io(_) => StatusCode::INTERNAL_SERVER_ERROR,
@@ -65,8 +65,14 @@ impl From<LibraryError> for Refusal {
 
 impl From<BytesRejection> for Refusal {
     fn from(rejection: BytesRejection) -> Self {
-        Self::new(rejection.status(), rejection.body_text())
+        too_large(&rejection, JSON_BYTES_MAX).unwrap_or_else(|| Self::new(rejection.status(), rejection.body_text()))
     }
+}
+
+/// What to say where more than `most` bytes came.
+fn too_large(rejection: &BytesRejection, most: usize) -> Option<Refusal> {
+    let says = || Refusal::new(StatusCode::PAYLOAD_TOO_LARGE, format!("too large: at most {most} bytes are allowed"));
+    (rejection.status() == StatusCode::PAYLOAD_TOO_LARGE).then(says)
 }
 
 impl From<QueryRejection> for Refusal {
@@ -88,7 +94,10 @@ async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> 
 }
 
 fn read<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> Result<T, Refusal> {
-    serde_json::from_slice(bytes).map_err(Refusal::bad)
+    let mut json = serde_json::Deserializer::from_slice(bytes);
+    let told = serde_path_to_error::deserialize(&mut json).map_err(Refusal::bad)?;
+    json.end().map_err(Refusal::bad)?;
+    Ok(told)
 }
 
 /// What is known and what is wished for.
@@ -145,7 +154,11 @@ async fn upload(
     name: Result<Path<String>, PathRejection>,
     body: Result<Bytes, BytesRejection>,
 ) -> Result<impl IntoResponse, Refusal> {
-    let (Path(name), bytes) = (name?, body?);
+    let Path(name) = name?;
+    let bytes = match body {
+        Err(rejection) if let Some(refusal) = too_large(&rejection, door.upload_bytes_max) => return Err(refusal),
+        body => body?,
+    };
     let _turn = door.uploads.acquire().await.map_err(Refusal::bad)?;
     let shared = Arc::clone(&door);
     let content = aside(move || shared.scenes.upload(&name, &bytes)).await??;
@@ -158,7 +171,7 @@ async fn upload(
 ))]
 async fn delete(State(door): Shared, name: Result<Path<String>, PathRejection>) -> Result<StatusCode, Refusal> {
     let Path(name) = name?;
-    if door.hub.wish().0.scene == name {
+    if door.hub.wish().0.scene == name && door.scenes.is_own(&name)? {
         return Err(LibraryError::InUse(name).into());
     }
     door.scenes.delete(&name)?;
@@ -260,19 +273,19 @@ async fn viewers(State(door): Shared) -> Json<Vec<SeenViewer>> {
 async fn post_viewers(State(door): Shared, body: Result<Bytes, BytesRejection>) -> Result<StatusCode, Refusal> {
     let posted: Vec<PostedViewer> = read(&body?)?;
     let now = door.hub.start().elapsed();
-    let mut refused = None;
+    let mut refused = Vec::new();
     for PostedViewer { id, position_m, age_s } in posted {
         if !(0.0..=1.0).contains(&age_s) {
-            refused = Some(format!("viewer {id}: age_s = {age_s}: allowed is 0 to 1"));
+            refused.push(format!("viewer {id}: age_s = {age_s}: allowed is 0 to 1"));
             continue;
         }
         let at = now.saturating_sub(Duration::from_secs_f64(age_s));
         let taken = door.hub.arrive_eye(Eye { id: POSTED + u16::from(id), position_m: position_m.into(), at });
         if let Err(reason) = taken {
-            refused = Some(format!("viewer {id} at {position_m:?} is refused: {}", reason.name()));
+            refused.push(format!("viewer {id} at {position_m:?} is refused: {}", door.why(reason)));
         }
     }
-    refused.map_or(Ok(StatusCode::ACCEPTED), |reason| Err(Refusal::bad(reason)))
+    if refused.is_empty() { Ok(StatusCode::ACCEPTED) } else { Err(Refusal::bad(refused.join("; "))) }
 }
 
 /// Let something happen to a simulated controller: an action as scenario files have it, such as "emergency-stop"
@@ -284,7 +297,7 @@ async fn simulate(State(door): Shared, body: Result<Bytes, BytesRejection>) -> R
         return Err(Refusal::new(StatusCode::NOT_FOUND, "the controller is no simulated one"));
     };
     let told: Value = read(&body?)?;
-    let action: Action = serde_json::from_value(told.clone()).map_err(Refusal::bad)?;
+    let action: Action = serde_path_to_error::deserialize(&told).map_err(Refusal::bad)?;
     action.check("do").map_err(Refusal::bad)?;
     door.hub.record(|| Recorded::Action(told));
     injector.inject(action);

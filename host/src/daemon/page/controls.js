@@ -74,7 +74,7 @@ function patchOf(key, value) {
 }
 
 /** Whether `control` waits for an answer: until then it shows what was asked for. */
-const isAsked = (control) => sending === control || waiting.has(control);
+export const isAsked = (control) => sending === control || waiting.has(control);
 
 /** Wishes, in turn: of each control the newest. `patch` is asked when its turn has come. The daemon's reason against it is shown at `error`. */
 export async function ask(control, patch, error) {
@@ -159,6 +159,7 @@ function bindAmount({ into, key, label, unit, range, step, factor = 1, isLog = f
   number.addEventListener('blur', () => ((isTouched = false), look()));
   number.addEventListener('change', () => {
     isTouched = false;
+    show(error, '');
     if (Number.isFinite(number.valueAsNumber)) wishForIt(number.valueAsNumber);
     else look();
   });
@@ -223,6 +224,7 @@ export function start() {
   whenHeld(() => (byId('pattern-row').hidden = held('mode') !== 'pattern'));
   byId('reset-transform').addEventListener('click', () => {
     const transform = { scale: 1, yaw_deg: 0, pitch_deg: 0, roll_deg: 0, move_m: [0, 0, 0] };
+    for (const error of byId('transform-amounts').querySelectorAll('.error')) show(error, '');
     ask('reset', () => ({ transform }), 'transform-error');
   });
   on('wish', (wanted) => {

@@ -1,7 +1,7 @@
 // The scenes: chosen, uploaded, deleted.
 
 import { here, on, order, pause, request, upload } from './daemon.js';
-import { ask, fill, held, whenHeld } from './controls.js';
+import { ask, fill, held, isAsked, whenHeld } from './controls.js';
 import { attempt, byId, show, write } from './parts.js';
 
 const LOOK_EVERY_MS = 5000;
@@ -14,7 +14,8 @@ function megabytes(bytes) {
 
 function look() {
   const entries = scenes.map(({ name, bytes }) => [name, bytes ? `${name}, ${megabytes(bytes)}` : name]);
-  fill('scene', entries, held('scene'));
+  // What somebody has just chosen stays chosen until the daemon has answered.
+  fill('scene', entries, isAsked('scene') ? byId('scene').value || undefined : held('scene'));
   const isOwn = scenes.find(({ name }) => name === held('scene'))?.origin === 'folder';
   byId('delete').disabled = !isOwn;
 }
@@ -90,7 +91,10 @@ function bindUpload() {
 
 /** Begins; the page calls it once. */
 export function start() {
-  byId('scene').addEventListener('change', () => ask('scene', () => ({ scene: byId('scene').value }), 'scene-error'));
+  byId('scene').addEventListener('change', () => {
+    const scene = byId('scene').value;
+    ask('scene', () => ({ scene }), 'scene-error');
+  });
   byId('delete').addEventListener('click', remove);
   bindUpload();
   whenHeld(look);

@@ -68,7 +68,8 @@ function tellFigures() {
   byId('render-meter').classList.toggle('late', told.render_ms > period);
   const asked = wish?.budget_px ?? told.budget_px;
   const lowered = told.budget_px > asked ? `${told.budget_px} allowed now` : `${fixed(told.error_px, 2)} reached`;
-  write('detail', `${asked} asked, ${lowered}`);
+  const late = told.render_ms > period && told.cheapest ? ', nothing takes less time' : '';
+  write('detail', `${asked} asked, ${told.planning ? 'being planned' : lowered}${late}`);
   write('link', `${fixed(told.link_turns_per_second, 1)} turns/s, ${fixed(told.link_bytes_per_second / 1e6, 1)} MB/s`);
   write('ratio', told.link_ratio === null ? '–' : `${fixed(told.link_ratio, 1)} to 1`);
   write('drops', `${told.turns_dropped} of ${told.turns_dropped + told.turns_delivered}`);
@@ -115,7 +116,7 @@ const CLEARED_WITHIN_MS = 2000;
 async function clearFault() {
   await order('POST', 'faults/clear');
   await pause(CLEARED_WITHIN_MS);
-  if (telemetry.state === 'fault') throw new Error('Not cleared: what caused it is still there.');
+  if (telemetry.state === 'fault') throw new Error('Not cleared: what caused it was still there.');
 }
 
 let focused;
