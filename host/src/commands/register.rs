@@ -21,10 +21,10 @@ use toml_edit::{Array, DocumentMut, Item, Table, Value};
 #[derive(clap::Args)]
 #[command(after_help = "Example: praxi register --listen opentrack:4242 --rows 4 > pairs.csv\n         \
     praxi register pairs.csv --write rig.toml\n\n\
-    Hold the sensor at three or more points that you have measured from the middle of the mirror (x right, y up, z to the \
-    front), not on one line and not all in one plane; more are better. A line of FILE is sensor,tracker_x_m,tracker_y_m,\
-    tracker_z_m,world_x_m,world_y_m,world_z_m,qx,qy,qz,qw as --listen prints it, where the world's columns are for you to \
-    fill in; the first line names the columns. Lines that begin with eye in place of sensor, three or more, say that an eye was \
+    Hold the sensor at four or more points that you have measured from the middle of the mirror (x right, y up, z to the \
+    front) and that do not lie in one plane; three that are not on one line will do, less surely. The first line of FILE names the \
+    columns: what,tracker_x_m,tracker_y_m,tracker_z_m,world_x_m,world_y_m,world_z_m,qx,qy,qz,qw; what is sensor. --listen prints \
+    it all but the world's columns, which are for you to fill in. Lines that begin with eye in place of sensor, three or more, say that an eye was \
     kept at that point of the world while the head with the sensor on it turned by 20 degrees and more: they give \
     sensor_to_eye_m, and need the orientation. The same as TOML: [[sensor]] and [[eye]] with tracker_m, world_m and \
     orientation = [x, y, z, w]. What is printed can be put at the end of a rig file.")]
