@@ -256,7 +256,7 @@ test('a test pattern is chosen', async () => {
   await shows('the numbers', ({ mode, pattern }) => mode === 'pattern' && pattern === 'numbers');
   const numbers = await until('the numbers', async () => { const eye = await picture(page); return eye && brightness(eye) > 0 ? eye : undefined; });
   await page.selectOption('#pattern', 'grid');
-  await until('the grid', async () => difference(await picture(page), numbers) > DIFFERS);
+  await until('the grid', async () => { const eye = await picture(page); return eye && difference(eye, numbers) > DIFFERS; });
   await shot('pattern');
   await page.check('#mode [value=scene]');
   await until('no list of patterns', () => page.isHidden('#pattern'));

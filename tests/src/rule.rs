@@ -218,7 +218,7 @@ fn keeps_the_equations(rig: &Rig, theta: f64, model: Model, point: DVec3, projec
 }
 
 /// Whether the cone's equation has another root nearer to the planar azimuth than `viewer`, seen from above, is: by its signs at a
-/// few azimuths between, where it is continuous.
+/// few azimuths between, where it is continuous. It jumps where M runs to infinity and where it runs through V'.
 fn has_nearer_root(rig: &Rig, theta: f64, point: DVec3, viewer: DVec2) -> bool {
     let planar = SliceOptics::new(rig, 0, theta, Model::Planar).project(point).viewer.map(Viewer::vector);
     let Some(planar) = planar.map(|planar| planar.x.atan2(planar.z)) else { return false };
@@ -229,16 +229,19 @@ fn has_nearer_root(rig: &Rig, theta: f64, point: DVec3, viewer: DVec2) -> bool {
         let toward = viewers.place(azimuth, 1.0);
         let is_far = matches!(viewers, Viewers::Infinity { .. });
         let away = if is_far { toward } else { toward - point };
-        let mirror = point + away * ((offset - frame.normal.dot(point)) / frame.normal.dot(away));
+        let approach = frame.normal.dot(away);
+        let reach = (offset - frame.normal.dot(point)) / approach;
+        let mirror = point + away * reach;
         let outward = if is_far { away } else { (away + point - mirror).normalize() };
-        (outward - (mirror - position).normalize()).dot(frame.across)
+        let branch = (approach > 0.0, is_far || reach < 1.0);
+        (branch, (outward - (mirror - position).normalize()).dot(frame.across))
     };
     let reach = (viewer.x.atan2(viewer.y) - planar + PI).rem_euclid(TAU) - PI;
     let at = |part: i32| defect(planar + 0.95 * reach.abs() * f64::from(part) / 16.0);
     // Nearer than this the signs are rounding's.
     reach.abs() > 1e-6
         && (-16..16).any(|part| {
-            let (here, next) = (at(part), at(part + 1));
-            here * next < 0.0 && (next - here).abs() < 0.1
+            let ((branch, here), (other, next)) = (at(part), at(part + 1));
+            branch == other && here * next < 0.0 && (next - here).abs() < 0.1
         })
 }

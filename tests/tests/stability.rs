@@ -306,9 +306,11 @@ fn roughness<F: Real>(rig: &Rig, method: Method) -> f64 {
 /// What the fuzzer found, mended since.
 #[test]
 fn what_once_broke_the_rule_keeps_it() {
-    let found: [&[u8]; 1] = [
+    let found: [&[u8]; 2] = [
         // Viewers between 4.3 km below and where people stand: single precision rounds the bend's sum.
         b"\x22\x48\x00\xea\xae\xae\xae\xae\x04\x01\x00\x00\x24\x13\x1d\x00\x48\xed\x00\xaf\x00\xfe\x89\xae\x05\x00\x00\x00\x32\x00\x00\x00\xff\x2b",
+        // M runs through V' where another root seems to be.
+        b"\x00\x00\xfe\xfe\xa3\x70\x6f\x73\x6e\x61\x00\x00\x00\x00\x00\x00\x00\x56\x00\x6d\x55\x00\x55\x55\x55\x55\x55\x05\x00\x00\x85\x00\x6d\x65\x00\x85\x85\x85\x85\x85\x85",
     ];
     for bytes in found {
         let case = Case::from_bytes(bytes).expect("a rig");
