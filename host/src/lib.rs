@@ -2,6 +2,7 @@
 
 pub mod bake;
 pub mod bench;
+pub mod calibration;
 pub mod chart;
 pub mod commands;
 pub mod daemon;
@@ -24,6 +25,7 @@ pub mod scene;
 pub mod seen;
 pub mod sheet;
 pub mod stream;
+pub mod table;
 pub mod tracking;
 pub mod video;
 pub mod volume;

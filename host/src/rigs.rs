@@ -30,12 +30,16 @@ pub enum RigsError {
 
 /// The built-in rig `name`, or the one in file `name`.
 pub fn find(name: &str) -> Result<Rig, RigsError> {
-    let refused = |error| RigsError::Refused(name.into(), error);
+    Rig::parse(&text(name)?).map_err(|error| RigsError::Refused(name.into(), error))
+}
+
+/// What stands in its file.
+pub fn text(name: &str) -> Result<String, RigsError> {
     if let Some((_, text)) = BUILT_IN.iter().find(|(built_in, _)| *built_in == name) {
-        return Rig::parse(text).map_err(refused);
+        return Ok((*text).into());
     }
     match input::read_text(Path::new(name)) {
-        Ok(text) => Rig::parse(&text).map_err(refused),
+        Ok(text) => Ok(text),
         Err(error) if error.kind() == ErrorKind::NotFound => Err(RigsError::Unknown(name.into())),
         Err(error) => Err(RigsError::Unreadable(name.into(), error)),
     }

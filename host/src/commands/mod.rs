@@ -3,6 +3,7 @@
 mod args;
 mod bake;
 mod bench;
+mod calibrate;
 mod chart;
 mod compare;
 mod demo;
@@ -20,6 +21,7 @@ mod register;
 mod render;
 mod replay;
 mod rig;
+mod rig_file;
 mod run;
 mod scene;
 mod see;
@@ -69,6 +71,7 @@ enum Command {
     Record(record::Args),
     Replay(replay::Args),
     Register(register::Args),
+    Calibrate(calibrate::Args),
     Stream(stream::Args),
     Order(order::Args),
     Sim(sim::Args),
@@ -142,6 +145,7 @@ pub fn main() -> ExitCode {
         Command::Record(args) => record::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Register(args) => register::run(&args),
+        Command::Calibrate(args) => calibrate::run(&args),
         Command::Order(args) => order::run(&args),
         Command::Stream(args) => stream::run(&args),
         Command::Sim(args) => sim::run(&args),

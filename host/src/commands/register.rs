@@ -1,21 +1,21 @@
 //! `praxi register`: where a tracker stands.
 
+use super::rig_file::{self, matrix, rounded, set};
 use super::{Failure, say, say_json, until_interrupted, warn};
 use crate::input;
-use crate::output::File;
 use crate::tracking::register::mean::Mean;
 use crate::tracking::register::pairs::{COLUMNS, Pairs};
 use crate::tracking::register::{EyePair, Pair, Registration, register};
 use crate::tracking::source::{Follower, State};
 use crate::tracking::{ParseError, Pose, Reading};
-use protocol::rig::{Rig, TrackerSource, toml_problem};
+use protocol::rig::TrackerSource;
 use serde_json::{Value as Json, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
-use toml_edit::{Array, DocumentMut, Item, Table, Value};
+use toml_edit::{Array, DocumentMut};
 
 /// Find where a tracker stands, and the eye from its sensor, from a few known points
 #[derive(clap::Args)]
@@ -69,7 +69,7 @@ fn find(args: &Args, file: &Path) -> Result<(), Failure> {
     let pairs = pairs.map_err(|error| refused(&error))?;
     let found = register(&pairs.sensor, &pairs.eye, args.within_mm * 1e-3).map_err(|error| refused(&error))?;
     if let Some(rig) = &args.write {
-        write(rig, &found)?;
+        rig_file::change(rig, |document| put(document, &found))?;
     }
     if found.is_flat {
         warn(format!(
@@ -134,12 +134,6 @@ fn as_json(pairs: &Pairs, found: &Registration) -> Json {
     })
 }
 
-/// Digits that a file keeps: a nanoradian, a nanometre.
-fn rounded(value: f64) -> f64 {
-    // Plus 0: no minus before a nought.
-    (value * 1e9).round() / 1e9 + 0.0
-}
-
 fn rows(found: &Registration) -> [[f64; 4]; 3] {
     let motion = &found.world_from_tracker;
     [0, 1, 2].map(|row| {
@@ -150,40 +144,12 @@ fn rows(found: &Registration) -> [[f64; 4]; 3] {
 
 /// Puts the keys that were found into `[tracking]`; whatever else stands there stays.
 fn put(document: &mut DocumentMut, found: &Registration) -> Result<(), Failure> {
-    let table = document.entry("tracking").or_insert_with(|| Item::Table(Table::new()));
-    let table = table.as_table_like_mut().ok_or_else(|| Failure("tracking must be a table".into()))?;
-    let mut set = |key: &str, mut value: Value| {
-        if let Some(Item::Value(old)) = table.get(key) {
-            *value.decor_mut() = old.decor().clone();
-        }
-        table.insert(key, Item::Value(value));
-    };
-    let mut matrix = Array::new();
-    for row in rows(found) {
-        let mut row = Value::from(Array::from_iter(row));
-        row.decor_mut().set_prefix("\n    ");
-        matrix.push_formatted(row);
-    }
-    matrix.set_trailing("\n");
-    matrix.set_trailing_comma(true);
-    set("world_from_tracker", matrix.into());
+    let tracking = rig_file::table(document, "tracking")?;
+    set(tracking, "world_from_tracker", matrix(rows(found)));
     if let Some(eye) = &found.eye {
-        set("sensor_to_eye_m", Array::from_iter(eye.sensor_to_eye_m.to_array().map(rounded)).into());
+        set(tracking, "sensor_to_eye_m", Array::from_iter(eye.sensor_to_eye_m.to_array().map(rounded)).into());
     }
     Ok(())
-}
-
-fn write(path: &Path, found: &Registration) -> Result<(), Failure> {
-    let refused = |error: &dyn std::fmt::Display| Failure(format!("{}: {error}", path.display()));
-    // A link stays one.
-    let place = path.canonicalize().map_err(|error| refused(&error))?;
-    let text = input::read_text(&place).map_err(|error| refused(&error))?;
-    toml::from_str::<toml::Table>(&text).map_err(|error| refused(&toml_problem(&text, &error)))?;
-    let mut document: DocumentMut = text.parse().map_err(|error: toml_edit::TomlError| refused(&error))?;
-    put(&mut document, found).map_err(|Failure(message)| refused(&message))?;
-    let text = document.to_string();
-    Rig::parse(&text).map_err(|error| refused(&error))?;
-    Ok(File::begin_over(&place)?.finish(text.as_bytes())?)
 }
 
 type Arrivals = Receiver<Result<Reading, ParseError>>;

@@ -2,6 +2,7 @@
 
 mod arguments;
 mod bake;
+mod calibrate;
 #[cfg(unix)]
 mod daemon;
 mod desk;

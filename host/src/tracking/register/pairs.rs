@@ -1,6 +1,8 @@
 //! Files of pairs: a table with commas, or TOML.
 
 use super::{EyePair, Pair};
+use crate::table::{Row, TableError, number, rows};
+use core::ops::RangeInclusive;
 use glam::{DQuat, DVec3};
 use protocol::rig::toml_problem;
 use serde::Deserialize;
@@ -21,30 +23,12 @@ pub enum PairsError {
     /// Not TOML, or other keys.
     #[error("{0}")]
     Toml(String),
-    /// The first line of a table does not name its columns.
-    #[error("line {line}: {found:?} is no column: must be {COLUMNS_NAMED}")]
-    Column {
-        /// The line.
-        line: usize,
-        /// What stands there.
-        found: String,
-    },
-    /// A column is not there, or twice.
-    #[error("column {0} stands {1} times: must stand once")]
-    Columns(&'static str, usize),
-    /// A field is no number, or too large for a room.
-    #[error("{place}: {field} = {found}: must be a number from -1000 to 1000")]
-    Number {
-        /// The line or the table.
-        place: String,
-        /// The column or the key.
-        field: &'static str,
-        /// What stands there.
-        found: String,
-    },
+    /// Not such a table, or a field is no number, or too large for a room.
+    #[error(transparent)]
+    Table(#[from] TableError),
     /// Not sensor or eye.
-    #[error("line {0}: what = {1:?}: must be sensor or eye")]
-    What(usize, String),
+    #[error("{0}: what = {1:?}: must be sensor or eye")]
+    What(String, String),
     /// An orientation is not of length 1.
     #[error("{0}: the orientation x, y, z, w has length {1}: must be 1 within 0.01")]
     Orientation(String, String),
@@ -67,15 +51,8 @@ pub const COLUMNS: [&str; 11] = [
     "qz",
     "qw",
 ];
-const COLUMNS_NAMED: &str =
-    "what, tracker_x_m, tracker_y_m, tracker_z_m, world_x_m, world_y_m, world_z_m, qx, qy, qz or qw";
-/// Metres beyond which nothing stands in a room.
-const LARGEST: f64 = 1000.0;
-
-fn number(place: &str, field: &'static str, value: Option<f64>, found: &str) -> Result<f64, PairsError> {
-    let sensible = value.filter(|value| (-LARGEST..=LARGEST).contains(value));
-    sensible.ok_or_else(|| PairsError::Number { place: place.into(), field, found: found.chars().take(40).collect() })
-}
+/// Metres within which everything stands in a room.
+const SENSIBLE: RangeInclusive<f64> = -1000.0..=1000.0;
 
 fn unit(place: &str, [x, y, z, w]: [f64; 4]) -> Result<DQuat, PairsError> {
     let quaternion = DQuat::from_xyzw(x, y, z, w);
@@ -114,9 +91,9 @@ impl Pairs {
             for (field, values) in [("tracker_m", tracker_m), ("world_m", world_m)] {
                 values
                     .into_iter()
-                    .try_for_each(|value| number(&label, field, Some(value), &value.to_string()).map(drop))?;
+                    .try_for_each(|value| number(&label, field, &value.to_string(), SENSIBLE).map(drop))?;
             }
-            Ok(Pair { label, tracker_m: tracker_m.into(), world_m: world_m.into() })
+            Ok::<_, PairsError>(Pair { label, tracker_m: tracker_m.into(), world_m: world_m.into() })
         };
         let file: File = toml::from_str(text).map_err(|error| PairsError::Toml(toml_problem(text, &error)))?;
         let sensors = file.sensor.iter().enumerate();
@@ -129,52 +106,32 @@ impl Pairs {
                 .map(|(index, one)| {
                     let pair = pair(format!("[[eye]] {}", index + 1), one.tracker_m, one.world_m)?;
                     let orientation = unit(&pair.label, one.orientation)?;
-                    Ok(EyePair { pair, orientation })
+                    Ok::<_, PairsError>(EyePair { pair, orientation })
                 })
                 .collect::<Result<_, _>>()?,
         };
         pairs.filled()
     }
 
-    /// Reads a table: lines of fields between commas, the first names the columns ([`COLUMNS`]), what follows a # is a note.
+    /// Reads a [`crate::table`] with columns [`COLUMNS`].
     pub fn from_table(text: &str) -> Result<Self, PairsError> {
-        let lines =
-            text.lines().enumerate().map(|(index, line)| (index + 1, line.split('#').next().unwrap_or("").trim()));
-        let mut lines = lines.filter(|(_, line)| !line.is_empty());
-        let (line, head) = lines.next().ok_or(PairsError::Empty)?;
-        let column = |name: &str| COLUMNS.iter().position(|column| *column == name);
-        let unknown = |name: &str| PairsError::Column { line, found: name.chars().take(40).collect() };
-        let columns: Vec<usize> = head
-            .split(',')
-            .map(str::trim)
-            .map(|name| column(name).ok_or_else(|| unknown(name)))
-            .collect::<Result<_, _>>()?;
-        for (index, name) in COLUMNS.into_iter().enumerate() {
-            let count = columns.iter().filter(|column| **column == index).count();
-            let is_needed = (1..7).contains(&index);
-            if count > 1 || (is_needed && count == 0) {
-                return Err(PairsError::Columns(name, count));
-            }
-        }
         let mut pairs = Self::default();
-        lines.try_for_each(|(line, text)| pairs.add_row(line, &columns, text))?;
+        rows(text, &COLUMNS, &COLUMNS[1..7])?.iter().try_for_each(|row| pairs.add_row(row))?;
         pairs.filled()
     }
 
-    fn add_row(&mut self, line: usize, columns: &[usize], text: &str) -> Result<(), PairsError> {
-        let mut fields = [""; COLUMNS.len()];
-        columns.iter().zip(text.split(',')).for_each(|(column, field)| fields[*column] = field.trim());
-        let label = format!("line {line}");
-        let number = |column: usize| number(&label, COLUMNS[column], fields[column].parse().ok(), fields[column]);
-        let point = |first: usize| Ok(DVec3::new(number(first)?, number(first + 1)?, number(first + 2)?));
-        let pair = Pair { tracker_m: point(1)?, world_m: point(4)?, label: label.clone() };
-        match fields[0] {
+    fn add_row(&mut self, row: &Row<'_>) -> Result<(), PairsError> {
+        let number = |column: usize| row.number(COLUMNS[column], SENSIBLE);
+        let point =
+            |first: usize| Ok::<_, TableError>(DVec3::new(number(first)?, number(first + 1)?, number(first + 2)?));
+        let pair = Pair { tracker_m: point(1)?, world_m: point(4)?, label: row.label.clone() };
+        match row.field("what") {
             "" | "sensor" => self.sensor.push(pair),
             "eye" => {
-                let orientation = unit(&label, [number(7)?, number(8)?, number(9)?, number(10)?])?;
+                let orientation = unit(&row.label, [number(7)?, number(8)?, number(9)?, number(10)?])?;
                 self.eye.push(EyePair { pair, orientation });
             }
-            other => return Err(PairsError::What(line, other.chars().take(40).collect())),
+            other => return Err(PairsError::What(row.label.clone(), other.chars().take(40).collect())),
         }
         Ok(())
     }
@@ -225,7 +182,8 @@ mod tests {
             let refused = Pairs::from_table(&text).unwrap_err().to_string();
             assert!(refused.contains(words), "{to}: {refused}");
         }
-        assert_eq!(Pairs::from_table("# nothing\n"), Err(PairsError::Empty));
+        assert_eq!(Pairs::from_table("# nothing\n"), Err(TableError::Empty.into()));
+        assert_eq!(Pairs::from_table(TABLE.lines().next().unwrap()), Err(PairsError::Empty));
         assert_eq!(Pairs::from_toml(""), Err(PairsError::Empty));
         for (from, to, words) in [
             ("-4.5", "nan", "[[sensor]] 1: world_m = NaN: must be"),
