@@ -12,6 +12,7 @@ pub mod hub;
 pub mod latency;
 pub mod library;
 pub mod metrics;
+mod notices;
 pub mod painter;
 pub mod phase;
 pub mod recorder;

@@ -172,14 +172,19 @@ impl Fit {
     ) -> Option<[Vec<f64>; N]> {
         let mut slopes = core::array::from_fn(|_| Vec::with_capacity(self.parameters.len()));
         for parameter in &self.parameters {
-            let at = |step: f64| values(&self.model.moved(&[*parameter], &[step]));
-            let (before, after) = (at(-parameter.step())?, at(parameter.step())?);
-            for (index, slopes) in slopes.iter_mut().enumerate() {
-                slopes.push((after[index] - before[index]) / (2.0 * parameter.step()));
-            }
+            let at = |step: f64| values(&self.model.moved(&[*parameter], &[step])).map(Vec::from);
+            let of_parameter = derivatives(*parameter, at)?;
+            slopes.iter_mut().zip(of_parameter).for_each(|(slopes, slope)| slopes.push(slope));
         }
         Some(slopes)
     }
+}
+
+/// Derivatives of `values` by `parameter`, from its values a step before and a step after.
+fn derivatives(parameter: Parameter, values: impl Fn(f64) -> Option<Vec<f64>>) -> Option<Vec<f64>> {
+    let step = parameter.step();
+    let (before, after) = (values(-step)?, values(step)?);
+    Some(before.into_iter().zip(after).map(|(before, after)| (after - before) / (2.0 * step)).collect())
 }
 
 /// By the direct linear transform, with the faces as the rig has them.
@@ -267,10 +272,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Descent<'_> {
                 steps[index] += step;
                 residuals(&self.start.moved(self.parameters, steps.as_slice()), self.clicks)
             };
-            let (before, after) = (at(-parameter.step())?, at(parameter.step())?);
-            for (row, (before, after)) in before.into_iter().zip(after).enumerate() {
-                slopes[(row, index)] = (after - before) / (2.0 * parameter.step());
-            }
+            slopes.column_mut(index).copy_from_slice(&derivatives(*parameter, at)?);
         }
         Some(slopes)
     }

@@ -3,6 +3,7 @@
 use super::config::FaultKeys;
 use super::hub::{Hub, Picture};
 use super::latency::Latency;
+use super::notices::{Darkness, InStep};
 use super::phase::Phase;
 use super::telemetry::EventKind;
 use super::wish::Wish;
@@ -34,8 +35,6 @@ const TELL_EVERY: Duration = Duration::from_millis(50);
 const WINDOW: Duration = Duration::from_secs(1);
 /// Turns that may be on the controller or on their way.
 const SENT: usize = 4;
-/// A video without numbers is told of after so long: another host may be about to begin.
-const DARK_TOLD: Duration = Duration::from_secs(2);
 const HOUR: Duration = Duration::from_secs(3_600);
 
 /// What the thread has at hand.
@@ -65,24 +64,6 @@ pub struct Show {
     cleared: VecDeque<Instant>,
     /// Counts of connections that ended: delivered, late, failed, reconnects, bytes on the wire.
     before: [u64; 5],
-}
-
-/// Whether the mirror keeps step, since it was in step.
-#[derive(Clone, Copy)]
-enum InStep {
-    /// It was not yet.
-    Away,
-    Yes,
-    /// Since then it is not.
-    No(Instant),
-}
-
-/// For how long it has been dark for no reason, and whether that was told.
-#[derive(Clone, Copy)]
-enum Darkness {
-    No,
-    Since(Instant),
-    Told,
 }
 
 type Display = Live<Way, Picture>;
@@ -146,8 +127,8 @@ impl Show {
             sent: VecDeque::new(),
             recorded: None,
             on_screen: None,
-            darkness: Darkness::No,
-            in_step: InStep::Away,
+            darkness: Darkness::default(),
+            in_step: InStep::default(),
             marks: VecDeque::new(),
             told_at: None,
             latency: Latency::default(),
@@ -317,12 +298,15 @@ impl Show {
             return;
         };
         let said = self.hear_fault(status, cause);
-        self.hear_step(status.state);
+        let notice = self.in_step.hear(status.state, Instant::now());
+        notice.into_iter().for_each(|(kind, text)| self.hub.event(kind, text));
         self.tell_recordings(Controller::of(status, cause));
         if self.by_video {
             let (may, is_lit) = (status.state.may_light(), status.turn_on_screen.is_some());
             self.light(may && is_lit);
-            self.watch_darkness(may && !is_lit);
+            if let Some(text) = self.darkness.watch(may && !is_lit, Instant::now()) {
+                self.hub.event(EventKind::Warning, text);
+            }
         } else if status.turn_on_screen != self.on_screen || !status.state.may_light() {
             self.look_at_screen(status);
         }
@@ -368,46 +352,6 @@ impl Show {
         if matches!(fault, Fault::EmergencyStop | Fault::GuardOpen) {
             let Ok(_) = self.hub.change_wish(|wish| Ok::<_, Infallible>(Wish { motor: false, ..wish.clone() }));
         }
-    }
-
-    /// Tells where the mirror falls out of step by itself, and when it is back.
-    fn hear_step(&mut self, state: State) {
-        let now = Instant::now();
-        let is_on_the_way = matches!(state, State::SpinUp | State::Acquire);
-        match (self.in_step, state) {
-            (InStep::Yes, State::Holdover) => {
-                self.hub.event(EventKind::Warning, "pulses are missing: the mirror turns on by what was learnt");
-                self.in_step = InStep::No(now);
-            }
-            (InStep::Yes, _) if is_on_the_way => {
-                self.hub.event(EventKind::Warning, "the mirror fell out of step, dark");
-                self.in_step = InStep::No(now);
-            }
-            (InStep::No(since), State::Locked | State::OpenLoop) => {
-                let seconds = since.elapsed().as_secs_f64();
-                self.hub.event(EventKind::Note, format!("in step again after {seconds:.1} s"));
-                self.in_step = InStep::Yes;
-            }
-            (_, State::Locked | State::OpenLoop) => self.in_step = InStep::Yes,
-            // Stopped, or in a fault, which is told by itself.
-            (_, State::Idle | State::Fault | State::Service) => self.in_step = InStep::Away,
-            _ => {}
-        }
-    }
-
-    /// A mirror that is in step with a video that says nothing is worth a word, once.
-    fn watch_darkness(&mut self, is_dark: bool) {
-        self.darkness = match self.darkness {
-            _ if !is_dark => Darkness::No,
-            Darkness::No => Darkness::Since(Instant::now()),
-            Darkness::Since(since) if since.elapsed() > DARK_TOLD => {
-                let text = "the controller reads no numbers in the video's frames: is the monitor the projector, and does nothing between them \
-                            change a bit of the picture?";
-                self.hub.event(EventKind::Warning, text);
-                Darkness::Told
-            }
-            as_before => as_before,
-        };
     }
 
     /// Another turn is on screen, or none.

@@ -1,42 +1,14 @@
-//! Eigenvalues and eigenvectors of small symmetric matrices.
+//! Eigenvalues and eigenvectors of small symmetric matrices, the largest first.
 
-/// Sweeps after which rotations have long been below rounding: convergence is quadratic.
-const SWEEPS: usize = 30;
+use nalgebra::{DMatrix, SymmetricEigen};
 
-/// The eigenvalues of the symmetric matrix `matrix` in falling order, and a unit eigenvector for each: Jacobi's rotations (Golub and Van Loan,
-/// Matrix Computations, 8.5).
-pub fn eigen<const N: usize>(mut matrix: [[f64; N]; N]) -> ([f64; N], [[f64; N]; N]) {
-    let mut vectors: [[f64; N]; N] = std::array::from_fn(|row| std::array::from_fn(|column| f64::from(row == column)));
-    for _ in 0..SWEEPS {
-        for p in 0..N {
-            for q in p + 1..N {
-                rotate(&mut matrix, &mut vectors, p, q);
-            }
-        }
-    }
+/// The eigenvalues of the symmetric matrix `matrix` in falling order, and a unit eigenvector for each.
+pub fn eigen<const N: usize>(matrix: [[f64; N]; N]) -> ([f64; N], [[f64; N]; N]) {
+    let found = SymmetricEigen::new(DMatrix::from_fn(N, N, |row, column| matrix[row][column]));
     let mut order: [usize; N] = std::array::from_fn(|index| index);
-    order.sort_by(|a, b| matrix[*b][*b].total_cmp(&matrix[*a][*a]));
-    (order.map(|index| matrix[index][index]), order.map(|index| vectors[index]))
-}
-
-/// Turns in the plane of `p` and `q` so that the element between them vanishes. `vectors` holds an eigenvector a row.
-fn rotate<const N: usize>(matrix: &mut [[f64; N]; N], vectors: &mut [[f64; N]; N], p: usize, q: usize) {
-    let between = matrix[p][q];
-    if between == 0.0 {
-        return;
-    }
-    let half = (matrix[q][q] - matrix[p][p]) / (2.0 * between);
-    let tangent = half.signum() / (half.abs() + half.hypot(1.0));
-    let cosine = 1.0 / tangent.hypot(1.0);
-    let sine = tangent * cosine;
-    let turn = |a: f64, b: f64| (cosine * a - sine * b, sine * a + cosine * b);
-    for row in matrix.iter_mut() {
-        (row[p], row[q]) = turn(row[p], row[q]);
-    }
-    for column in 0..N {
-        (matrix[p][column], matrix[q][column]) = turn(matrix[p][column], matrix[q][column]);
-        (vectors[p][column], vectors[q][column]) = turn(vectors[p][column], vectors[q][column]);
-    }
+    order.sort_by(|a, b| found.eigenvalues[*b].total_cmp(&found.eigenvalues[*a]));
+    let vector = |index: usize| std::array::from_fn(|row| found.eigenvectors[(row, index)]);
+    (order.map(|index| found.eigenvalues[index]), order.map(vector))
 }
 
 #[cfg(test)]
